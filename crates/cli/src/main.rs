@@ -1,0 +1,2 @@
+//! The `lanecraft` binary.
+fn main() {}

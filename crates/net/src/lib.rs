@@ -1,0 +1,3 @@
+//! Small neural networks with hand-written backward passes and reproducible bits.
+
+pub mod random;
