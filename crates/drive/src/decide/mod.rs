@@ -1,0 +1,1 @@
+//! Decisions: actions, observations, rewards and what is allowed.

@@ -1,0 +1,1 @@
+//! What the ego car carries from one step to the next.

@@ -1,0 +1,1 @@
+//! What the ego car perceives of the world.

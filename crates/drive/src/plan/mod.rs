@@ -1,0 +1,1 @@
+//! Lane-change paths: candidates, features and choice.

@@ -1,0 +1,1 @@
+//! Scenes and distributions over scenes, from text.

@@ -1,0 +1,1 @@
+//! The world: vehicles, their collisions, and any number of externally driven cars.
