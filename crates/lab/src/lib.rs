@@ -1,1 +1,3 @@
-//! TODO
+//! Data, training, baselines, evaluation, statistics and reports.
+
+pub mod metrics;

@@ -80,7 +80,7 @@ impl VehicleParams {
             length_m: 4.8,
             width_m: 1.9,
             max_steer_rad: 0.174_533,
-            max_steer_rate_radps: 0.523_599,
+            max_steer_rate_radps: 0.52,
             steer_lag_s: 0.1,
             drive_lag_s: 0.2,
             max_brake_mps2: 8.0,
