@@ -1,0 +1,230 @@
+//! The active set: its multipliers, the Cholesky factor of its dual curvature, and the step along the dual's pieces
+//! (docs/qp.md, Eqs. 9 to 12).
+
+use crate::linalg::dot;
+use crate::responses::{Place, Responses};
+
+/// Least pivot, relative to the diagonal. A row that depends on those before it would have a pivot of rounding errors;
+/// with this one its multiplier runs to the next event, as it must.
+const PIVOT_FLOOR: f64 = 1e-12;
+
+/// An active constraint, `sign` (its value) <= `bound` + slack.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Active {
+    pub(crate) place: Place,
+    /// 1 at the upper bound, -1 at the lower one.
+    pub(crate) sign: f64,
+    /// The bound, times the sign.
+    pub(crate) bound: f64,
+    /// Largest multiplier without slack; infinite for the bounds of the input.
+    pub(crate) l1_weight: f64,
+    /// 1 / w2; 0 for the bounds of the input.
+    pub(crate) compliance: f64,
+    /// Whether the slack is in use.
+    pub(crate) soft: bool,
+    /// The multiplier, or with the slack in use what it has beyond `l1_weight`. Kept apart because the sum may round it away.
+    pub(crate) amount: f64,
+    /// Slope of the dual in the multiplier: violation of the constraint less its slack.
+    pub(crate) slope: f64,
+    /// How fast `slope` falls along the present direction.
+    pub(crate) fall: f64,
+    /// Number of the constraint among all.
+    pub(crate) id: usize,
+}
+
+impl Active {
+    pub(crate) fn multiplier(&self) -> f64 {
+        if self.soft { self.l1_weight + self.amount } else { self.amount }
+    }
+
+    pub(crate) fn slack(&self) -> f64 {
+        if self.soft { self.amount * self.compliance } else { 0.0 }
+    }
+
+    /// The next piece boundary for multipliers moving at `rate`: distance and what happens there.
+    fn event(&self, rate: f64) -> Option<(f64, Event)> {
+        if self.soft {
+            (rate < 0.0).then(|| (-self.amount / rate, Event::Harden))
+        } else if rate < 0.0 {
+            Some((-self.amount / rate, Event::Drop))
+        } else {
+            (rate > 0.0 && self.l1_weight < f64::INFINITY)
+                .then(|| ((self.l1_weight - self.amount) / rate, Event::Soften))
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Event {
+    /// The multiplier reaches 0: the constraint leaves.
+    Drop,
+    /// The multiplier reaches the L1 weight from below: the slack comes into use.
+    Soften,
+    /// The multiplier falls back to the L1 weight: the slack is 0 again.
+    Harden,
+}
+
+/// How a step along the Newton direction ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Walk {
+    /// At the maximum of the dual over this set.
+    Full,
+    /// At a change of the set or of its pieces.
+    Bent,
+}
+
+/// Active constraints in the order in which they came.
+#[derive(Clone, Debug)]
+pub(crate) struct ActiveSet {
+    pub(crate) items: Vec<Active>,
+    /// Whether a constraint is in the set, by its number.
+    member: Vec<bool>,
+    /// Lower triangle, row after row.
+    cholesky: Vec<f64>,
+    /// Rows of `cholesky` that are up to date.
+    factored: usize,
+    direction: Vec<f64>,
+}
+
+impl ActiveSet {
+    pub(crate) fn new(capacity: usize) -> Self {
+        Self {
+            items: Vec::with_capacity(capacity),
+            member: vec![false; capacity],
+            cholesky: vec![0.0; capacity * (capacity + 1) / 2],
+            factored: 0,
+            direction: vec![0.0; capacity],
+        }
+    }
+
+    pub(crate) fn clear(&mut self) {
+        self.items.clear();
+        self.member.fill(false);
+        self.factored = 0;
+    }
+
+    pub(crate) fn contains(&self, id: usize) -> bool {
+        self.member[id]
+    }
+
+    pub(crate) fn push(&mut self, item: Active) {
+        self.member[item.id] = true;
+        self.items.push(item);
+    }
+
+    /// Brings the factor of M = Z Z' + diag(1/w2 where the slack is in use) up to date.
+    pub(crate) fn factor<const NX: usize>(&mut self, responses: &Responses<NX>) {
+        for i in self.factored..self.items.len() {
+            let item = &self.items[i];
+            let zi = responses.response(item.place);
+            let (done, row) = self.cholesky.split_at_mut(triangle(i));
+            for (j, other) in self.items[..i].iter().enumerate() {
+                let zj = responses.response(other.place);
+                let common = zi.len().min(zj.len());
+                let curvature = item.sign * other.sign * dot(&zi[..common], &zj[..common]);
+                let above = &done[triangle(j)..=triangle(j) + j];
+                row[j] = (curvature - dot(&row[..j], &above[..j])) / above[j];
+            }
+            let own = dot(zi, zi);
+            let diagonal = if item.soft { own + item.compliance } else { own };
+            row[i] = (diagonal - dot(&row[..i], &row[..i])).max(PIVOT_FLOOR * own).max(f64::MIN_POSITIVE).sqrt();
+        }
+        self.factored = self.items.len();
+    }
+
+    /// Solves M d = right-hand side in place, for the factored set.
+    pub(crate) fn solve(&self, d: &mut [f64]) {
+        for i in 0..d.len() {
+            let row = &self.cholesky[triangle(i)..=triangle(i) + i];
+            d[i] = (d[i] - dot(&row[..i], &d[..i])) / row[i];
+        }
+        for i in (0..d.len()).rev() {
+            let row = &self.cholesky[triangle(i)..=triangle(i) + i];
+            let v = d[i] / row[i];
+            d[i] = v;
+            for (dj, l) in d[..i].iter_mut().zip(row) {
+                *dj -= v * l;
+            }
+        }
+    }
+
+    /// One Newton step on the dual, followed through the kinks at the L1 weights up to its maximum or the first multiplier 0.
+    pub(crate) fn walk(&mut self) -> Walk {
+        let mut direction = std::mem::take(&mut self.direction);
+        let d = &mut direction[..self.items.len()];
+        for (d, item) in d.iter_mut().zip(&mut self.items) {
+            *d = item.slope;
+            // M d is the slope itself.
+            item.fall = item.slope;
+        }
+        self.solve(d);
+        let outcome = self.follow(d);
+        self.direction = direction;
+        outcome
+    }
+
+    fn follow(&mut self, d: &[f64]) -> Walk {
+        // Along d, slope and curvature of the dual are the same number until a kink is passed: the maximum is at 1.
+        let mut slope: f64 = d.iter().zip(&self.items).map(|(d, item)| d * item.slope).sum();
+        let mut curvature = slope;
+        let mut rest = 1.0;
+        let mut outcome = Walk::Full;
+        while let Some((distance, i, event)) = self.next_event(d, rest) {
+            self.advance(d, distance);
+            slope -= curvature * distance;
+            outcome = Walk::Bent;
+            if event == Event::Drop {
+                self.remove(i);
+                return outcome;
+            }
+            curvature += d[i] * self.bend(i, d[i], event);
+            rest = if slope > 0.0 && curvature > 0.0 { slope / curvature } else { 0.0 };
+        }
+        self.advance(d, rest);
+        outcome
+    }
+
+    /// The first event nearer than `rest`, the first item at a tie.
+    fn next_event(&self, d: &[f64], rest: f64) -> Option<(f64, usize, Event)> {
+        let mut next = None;
+        let mut nearest = rest;
+        for (i, (item, &rate)) in self.items.iter().zip(d).enumerate() {
+            if let Some((distance, event)) = item.event(rate)
+                && distance < nearest
+            {
+                nearest = distance.max(0.0);
+                next = Some((nearest, i, event));
+            }
+        }
+        next
+    }
+
+    fn advance(&mut self, d: &[f64], distance: f64) {
+        for (item, rate) in self.items.iter_mut().zip(d) {
+            item.amount += distance * rate;
+            item.slope -= distance * item.fall;
+        }
+    }
+
+    /// Moves item `i` to its other piece; returns what this adds to (M d)_i.
+    fn bend(&mut self, i: usize, rate: f64, event: Event) -> f64 {
+        let item = &mut self.items[i];
+        item.soft = event == Event::Soften;
+        item.amount = if item.soft { 0.0 } else { item.l1_weight };
+        let change = if item.soft { rate * item.compliance } else { -rate * item.compliance };
+        item.fall += change;
+        self.factored = self.factored.min(i);
+        change
+    }
+
+    pub(crate) fn remove(&mut self, i: usize) {
+        let item = self.items.remove(i);
+        self.member[item.id] = false;
+        self.factored = self.factored.min(i);
+    }
+}
+
+/// Where row `i` of a packed lower triangle begins.
+fn triangle(i: usize) -> usize {
+    i * (i + 1) / 2
+}

@@ -1,0 +1,329 @@
+//! The solver: a dual active-set method on the Riccati factorization (docs/qp.md).
+
+use crate::active::{Active, ActiveSet, Walk};
+use crate::problem::{Problem, Row};
+use crate::responses::{Place, Responses};
+use crate::riccati::{Multipliers, Riccati, Trajectory, row_value, step};
+use crate::validate::validate;
+use crate::verdict::{ActiveRow, Constraint, Side, Start, Status, Verdict};
+
+/// Newton steps of one solve. Sequences of control problems stay below 30; the hardest made-up ones need some hundred.
+const ITERATION_BUDGET: u32 = 600;
+/// Violation that counts as none, relative to the terms a constraint is summed from: some thousand rounding errors.
+const TOLERANCE: f64 = 1e-12;
+/// A solve ends as solved below this residual: rounding can keep ill-scaled problems above `TOLERANCE`.
+const ACCEPTED: f64 = 1e-8;
+/// Violated constraints less than this share of the worst one wait for a later round.
+const ENTRY_SHARE: f64 = 0.05;
+/// Constraints that enter in one round at most.
+const ENTRIES: usize = 8;
+
+/// A violated constraint that is not in the active set: the worst of its stage.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    index: usize,
+    sign: f64,
+    excess: f64,
+    /// The excess relative to the terms of the constraint; 0 if the stage has none.
+    violation: f64,
+}
+
+const NO_CANDIDATE: Candidate = Candidate { index: 0, sign: 0.0, excess: 0.0, violation: 0.0 };
+
+/// Solver of problems with NX states, NS soft rows per stage and a fixed horizon. A clone goes on exactly as the original.
+#[derive(Clone, Debug)]
+pub struct Solver<const NX: usize, const NS: usize> {
+    horizon: usize,
+    riccati: Riccati<NX>,
+    responses: Responses<NX>,
+    active: ActiveSet,
+    /// Active set of the last solve while the next one is prepared.
+    carried: Vec<Active>,
+    multipliers: Vec<Multipliers<NS>>,
+    trajectory: Trajectory<NX>,
+    candidates: Vec<Candidate>,
+    scratch: Vec<f64>,
+    iterations: u32,
+}
+
+impl<const NX: usize, const NS: usize> Solver<NX, NS> {
+    /// A solver for `horizon` stages. All its memory is allocated here.
+    pub fn new(horizon: usize) -> Self {
+        let capacity = horizon * (NS + 1);
+        Self {
+            horizon,
+            riccati: Riccati::new(horizon),
+            responses: Responses::new(horizon, NS + 1),
+            active: ActiveSet::new(capacity),
+            carried: Vec::with_capacity(capacity),
+            multipliers: vec![Multipliers { rows: [0.0; NS], input: 0.0 }; horizon],
+            trajectory: Trajectory::new(horizon),
+            candidates: vec![NO_CANDIDATE; horizon],
+            scratch: vec![0.0; capacity],
+            iterations: 0,
+        }
+    }
+
+    /// Forgets all earlier solves.
+    pub fn reset(&mut self) {
+        self.riccati.forget();
+        self.responses.forget();
+        self.active.clear();
+        self.trajectory.inputs.fill(0.0);
+        self.trajectory.states.fill([0.0; NX]);
+    }
+
+    /// `u_0` to u_{N-1} of the last solve: finite and within the input bounds, whatever its status.
+    pub fn inputs(&self) -> &[f64] {
+        &self.trajectory.inputs
+    }
+
+    /// `x_1` to `x_N` under [`Self::inputs`].
+    pub fn states(&self) -> &[[f64; NX]] {
+        &self.trajectory.states[1..]
+    }
+
+    /// The active constraints of the last solve, in the order in which they entered.
+    pub fn active_rows(&self) -> impl Iterator<Item = ActiveRow> {
+        self.active.items.iter().map(|item| ActiveRow {
+            stage: item.place.stage,
+            constraint: if item.place.index == NS { Constraint::Input } else { Constraint::Row(item.place.index) },
+            side: if item.sign > 0.0 { Side::Upper } else { Side::Lower },
+            multiplier: item.multiplier(),
+            slack: item.slack(),
+        })
+    }
+
+    /// Solves `problem`. Invalid input is detected before any arithmetic and leaves the solver as after [`Self::reset`].
+    pub fn solve(&mut self, problem: &Problem<NX, NS>, start: Start) -> Verdict<NX> {
+        self.iterations = 0;
+        if let Err(error) = validate(problem, self.horizon) {
+            self.reset();
+            return self.verdict(Status::InvalidInput(error), f64::INFINITY);
+        }
+        if self.riccati.update(problem) {
+            self.responses.forget();
+        }
+        self.carry(problem, start);
+        let residual = self.maximize_dual(problem);
+        self.finish(problem, residual)
+    }
+
+    /// Takes over the active set of the last solve, as far as it has a meaning in this one.
+    fn carry(&mut self, problem: &Problem<NX, NS>, start: Start) {
+        self.carried.clear();
+        self.carried.extend_from_slice(&self.active.items);
+        self.active.clear();
+        let Start::Shifted(stages) = start else { return };
+        for i in 0..self.carried.len() {
+            let old = self.carried[i];
+            let Some(stage) = old.place.stage.checked_sub(stages) else { continue };
+            let place = Place { stage, index: old.place.index };
+            self.enter(problem, place, old.sign, 0.0);
+            let Some(item) = self.active.items.last_mut() else { continue };
+            let multiplier = old.multiplier();
+            let without_effect = self.responses.response(place).iter().all(|z| *z == 0.0);
+            item.soft = multiplier > item.l1_weight;
+            item.amount = if item.soft { multiplier - item.l1_weight } else { multiplier };
+            if without_effect || !item.bound.is_finite() {
+                self.active.remove(self.active.items.len() - 1);
+            }
+        }
+    }
+
+    /// Adds a constraint with multiplier 0, at which the slope of the dual is its violation.
+    fn enter(&mut self, problem: &Problem<NX, NS>, place: Place, sign: f64, slope: f64) {
+        self.responses.learn(&self.riccati, problem, place);
+        let row = problem.stages[place.stage].rows.get(place.index);
+        let (lower, upper) = row.map_or((problem.input_min, problem.input_max), |row| (row.lower, row.upper));
+        let without_effect = self.responses.response(place).iter().all(|z| *z == 0.0);
+        self.active.push(Active {
+            place,
+            id: self.responses.id(place),
+            sign,
+            bound: if sign > 0.0 { upper } else { -lower },
+            l1_weight: row.map_or(f64::INFINITY, |row| row.l1_weight),
+            compliance: row.map_or(0.0, |row| 1.0 / row.l2_weight),
+            // No input can help such a row: only its slack can.
+            soft: without_effect,
+            amount: 0.0,
+            slope,
+            fall: 0.0,
+        });
+    }
+
+    /// Raises the dual until no constraint is violated; returns the residual left.
+    fn maximize_dual(&mut self, problem: &Problem<NX, NS>) -> f64 {
+        let mut before = f64::INFINITY;
+        loop {
+            self.minimize_lagrangian(problem);
+            let held = self.measure_slopes(problem);
+            if !held.is_finite() {
+                return f64::INFINITY;
+            }
+            // As long as Newton steps still improve the set at hand, the violations of the others say little.
+            if held <= TOLERANCE || held > 0.5 * before {
+                let violation = self.find_candidates(problem);
+                if violation == 0.0 || self.iterations >= ITERATION_BUDGET {
+                    return held.max(violation);
+                }
+                self.enter_candidates(problem, violation);
+                before = f64::INFINITY;
+            } else {
+                before = held;
+            }
+            self.ascend();
+        }
+    }
+
+    /// Newton steps on the dual until one ends at the maximum over the active set.
+    fn ascend(&mut self) {
+        while self.iterations < ITERATION_BUDGET {
+            self.iterations += 1;
+            self.active.factor(&self.responses);
+            if self.active.walk() == Walk::Full {
+                return;
+            }
+        }
+    }
+
+    fn minimize_lagrangian(&mut self, problem: &Problem<NX, NS>) {
+        self.multipliers.fill(Multipliers { rows: [0.0; NS], input: 0.0 });
+        for item in &self.active.items {
+            let stage = &mut self.multipliers[item.place.stage];
+            *stage.rows.get_mut(item.place.index).unwrap_or(&mut stage.input) = item.sign * item.multiplier();
+        }
+        self.riccati.minimize(problem, &self.multipliers, &mut self.trajectory);
+    }
+
+    /// Slopes of the dual in the active multipliers; returns the largest relative one, or infinity if a number is not finite.
+    fn measure_slopes(&mut self, problem: &Problem<NX, NS>) -> f64 {
+        let mut worst: f64 = 0.0;
+        for i in 0..self.active.items.len() {
+            let item = &self.active.items[i];
+            let stage = item.place.stage;
+            let (x, u) = (&self.trajectory.states[stage], self.trajectory.inputs[stage]);
+            let row = problem.stages[stage].rows.get(item.place.index);
+            let value = row.map_or(u, |row| row_value(row, x, u));
+            let slope = item.sign * value - item.bound - item.slack();
+            let scale = self.scale(row) + item.bound.abs() + item.slack();
+            self.active.items[i].slope = slope;
+            if slope != 0.0 {
+                worst = worst.max(slope.abs() / scale);
+            }
+            if !(slope / scale).is_finite() && slope != 0.0 {
+                return f64::INFINITY;
+            }
+        }
+        if self.trajectory.inputs.iter().all(|u| u.is_finite()) { worst } else { f64::INFINITY }
+    }
+
+    /// Size of the terms a constraint is summed from.
+    fn scale(&self, row: Option<&Row<NX>>) -> f64 {
+        let Some(row) = row else { return self.trajectory.input_scale };
+        let terms = row.state.iter().zip(&self.trajectory.state_scale).map(|(c, x)| c.abs() * x);
+        terms.sum::<f64>() + row.input.abs() * self.trajectory.input_scale
+    }
+
+    /// The worst violated constraint of each stage; returns the largest relative violation.
+    fn find_candidates(&mut self, problem: &Problem<NX, NS>) -> f64 {
+        let mut worst: f64 = 0.0;
+        for (k, stage) in problem.stages.iter().enumerate() {
+            let (x, u) = (&self.trajectory.states[k], self.trajectory.inputs[k]);
+            let mut best = NO_CANDIDATE;
+            for (index, row) in stage.rows.iter().map(Some).chain([None]).enumerate() {
+                let value = row.map_or(u, |row| row_value(row, x, u));
+                let (lower, upper) = row.map_or((problem.input_min, problem.input_max), |row| (row.lower, row.upper));
+                let (sign, excess, bound) =
+                    if value > upper { (1.0, value - upper, upper) } else { (-1.0, lower - value, lower) };
+                if excess > 0.0 && !self.active.contains(k * (NS + 1) + index) {
+                    let violation = excess / (self.scale(row) + bound.abs());
+                    if violation > TOLERANCE && violation > best.violation {
+                        best = Candidate { index, sign, excess, violation };
+                    }
+                }
+            }
+            self.candidates[k] = best;
+            worst = worst.max(best.violation);
+        }
+        worst
+    }
+
+    /// Enters the worst candidate and those that are peaks along the horizon.
+    fn enter_candidates(&mut self, problem: &Problem<NX, NS>, worst: f64) {
+        let mut entered = 0;
+        for stage in 0..self.horizon {
+            let candidate = self.candidates[stage];
+            let above = |k: Option<usize>| {
+                let neighbor = k.and_then(|k| self.candidates.get(k)).unwrap_or(&NO_CANDIDATE);
+                neighbor.index == candidate.index && neighbor.violation > candidate.violation
+            };
+            let peak = !above(stage.checked_sub(1)) && !above(Some(stage + 1));
+            let wanted =
+                candidate.violation == worst || (entered < ENTRIES && candidate.violation > ENTRY_SHARE * worst);
+            if peak && wanted {
+                self.enter(problem, Place { stage, index: candidate.index }, candidate.sign, candidate.excess);
+                entered += 1;
+            }
+        }
+    }
+
+    /// Moves the inputs into their bounds and follows the states under them.
+    fn finish(&mut self, problem: &Problem<NX, NS>, residual: f64) -> Verdict<NX> {
+        let mut x = problem.initial_state;
+        for (k, stage) in problem.stages.iter().enumerate() {
+            let u = self.trajectory.inputs[k];
+            let u = if u.is_finite() { u } else { stage.input_reference };
+            let u = u.clamp(problem.input_min, problem.input_max);
+            x = step(stage, &x, u);
+            self.trajectory.inputs[k] = u;
+            self.trajectory.states[k + 1] = x;
+        }
+        let status = if residual <= ACCEPTED { Status::Solved } else { Status::IterationLimit };
+        let verdict =
+            Verdict { slack_max: self.slack_max(problem), feedback: self.feedback(), ..self.verdict(status, residual) };
+        if !residual.is_finite() {
+            self.active.clear();
+        }
+        verdict
+    }
+
+    fn verdict(&self, status: Status, kkt_residual: f64) -> Verdict<NX> {
+        Verdict {
+            status,
+            iterations: self.iterations,
+            active: self.active.items.len() as u32,
+            slack_max: 0.0,
+            kkt_residual,
+            feedback: [0.0; NX],
+        }
+    }
+
+    fn slack_max(&self, problem: &Problem<NX, NS>) -> f64 {
+        let mut worst: f64 = 0.0;
+        for (k, stage) in problem.stages.iter().enumerate() {
+            for row in &stage.rows {
+                let value = row_value(row, &self.trajectory.states[k], self.trajectory.inputs[k]);
+                worst = worst.max(value - row.upper).max(row.lower - value);
+            }
+        }
+        worst
+    }
+
+    /// Slope of `u_0` in `x_0` (docs/qp.md, Eq. 13).
+    fn feedback(&mut self) -> [f64; NX] {
+        let Some((mut feedback, root)) = self.riccati.first_gain() else { return [0.0; NX] };
+        self.active.factor(&self.responses);
+        let weights = &mut self.scratch[..self.active.items.len()];
+        for (weight, item) in weights.iter_mut().zip(&self.active.items) {
+            *weight = item.sign * self.responses.response(item.place)[0];
+        }
+        self.active.solve(weights);
+        for (weight, item) in weights.iter().zip(&self.active.items) {
+            for (f, slope) in feedback.iter_mut().zip(self.responses.initial_slope(item.place)) {
+                *f -= root * weight * item.sign * slope;
+            }
+        }
+        if feedback.iter().all(|f| f.is_finite()) { feedback } else { [0.0; NX] }
+    }
+}

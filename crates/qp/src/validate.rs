@@ -1,0 +1,143 @@
+//! What makes a problem unusable, found before any arithmetic is done with it.
+
+use crate::problem::{Problem, Row, Stage};
+
+/// A field of the problem, as named in [`Problem`], [`Stage`] and [`Row`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Field {
+    /// [`Problem::initial_state`]
+    InitialState,
+    /// [`Problem::input_min`] and [`Problem::input_max`]
+    InputBounds,
+    /// [`Stage::a`]
+    A,
+    /// [`Stage::b`]
+    B,
+    /// [`Stage::c`]
+    C,
+    /// [`Stage::state_weight`]
+    StateWeight,
+    /// [`Stage::state_reference`]
+    StateReference,
+    /// [`Stage::input_weight`]
+    InputWeight,
+    /// [`Stage::input_reference`]
+    InputReference,
+    /// [`Row::state`] of the row with this index
+    RowState(usize),
+    /// [`Row::input`] of the row with this index
+    RowInput(usize),
+    /// [`Row::lower`] and [`Row::upper`] of the row with this index
+    RowBounds(usize),
+    /// [`Row::l1_weight`] of the row with this index
+    RowL1Weight(usize),
+    /// [`Row::l2_weight`] of the row with this index
+    RowL2Weight(usize),
+}
+
+/// Why a problem was refused. `stage` is 0 for the fields of the problem itself.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum InvalidInput {
+    /// The number of stages is not the horizon the solver was made for.
+    #[error("the problem has {found} stages, but the solver was made for {expected}")]
+    Horizon {
+        /// Horizon of the solver.
+        expected: usize,
+        /// Stages of the problem.
+        found: usize,
+    },
+    /// A number is NaN, or infinite where it must be finite.
+    #[error("{field:?} of stage {stage} is NaN or infinite, but must be finite")]
+    NotFinite {
+        /// The field.
+        field: Field,
+        /// Its stage.
+        stage: usize,
+    },
+    /// A number is below its range.
+    #[error("{field:?} of stage {stage} is {value}, but must be above 0 (state and L1 weights: at least 0)")]
+    NotPositive {
+        /// The field.
+        field: Field,
+        /// Its stage.
+        stage: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// The two bounds are NaN, exclude each other, or are the same infinity.
+    #[error(
+        "{field:?} of stage {stage} are {lower} and {upper}, but must be lower <= upper, below +inf and above -inf"
+    )]
+    IllOrdered {
+        /// The field.
+        field: Field,
+        /// Its stage.
+        stage: usize,
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+    },
+}
+
+/// Checks every number of `problem`.
+pub(crate) fn validate<const NX: usize, const NS: usize>(
+    problem: &Problem<NX, NS>,
+    horizon: usize,
+) -> Result<(), InvalidInput> {
+    if problem.stages.len() != horizon {
+        return Err(InvalidInput::Horizon { expected: horizon, found: problem.stages.len() });
+    }
+    finite(&problem.initial_state, Field::InitialState, 0)?;
+    ordered(problem.input_min, problem.input_max, Field::InputBounds, 0)?;
+    problem.stages.iter().enumerate().try_for_each(|(k, stage)| validate_stage(stage, k))
+}
+
+fn validate_stage<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, k: usize) -> Result<(), InvalidInput> {
+    finite(stage.a.as_flattened(), Field::A, k)?;
+    finite(&stage.b, Field::B, k)?;
+    finite(&stage.c, Field::C, k)?;
+    finite(&stage.state_weight, Field::StateWeight, k)?;
+    if let Some(&value) = stage.state_weight.iter().find(|w| **w < 0.0) {
+        return Err(InvalidInput::NotPositive { field: Field::StateWeight, stage: k, value });
+    }
+    finite(&stage.state_reference, Field::StateReference, k)?;
+    positive(stage.input_weight, Field::InputWeight, k)?;
+    finite(&[stage.input_reference], Field::InputReference, k)?;
+    stage.rows.iter().enumerate().try_for_each(|(i, row)| validate_row(row, i, k))
+}
+
+fn validate_row<const NX: usize>(row: &Row<NX>, i: usize, k: usize) -> Result<(), InvalidInput> {
+    finite(&row.state, Field::RowState(i), k)?;
+    finite(&[row.input], Field::RowInput(i), k)?;
+    ordered(row.lower, row.upper, Field::RowBounds(i), k)?;
+    finite(&[row.l1_weight], Field::RowL1Weight(i), k)?;
+    if row.l1_weight < 0.0 {
+        return Err(InvalidInput::NotPositive { field: Field::RowL1Weight(i), stage: k, value: row.l1_weight });
+    }
+    positive(row.l2_weight, Field::RowL2Weight(i), k)
+}
+
+fn finite(values: &[f64], field: Field, stage: usize) -> Result<(), InvalidInput> {
+    // Products with 0 are 0 or NaN: one branch for the whole field.
+    if values.iter().fold(0.0, |sum, v| sum + v * 0.0) == 0.0 {
+        Ok(())
+    } else {
+        Err(InvalidInput::NotFinite { field, stage })
+    }
+}
+
+fn positive(value: f64, field: Field, stage: usize) -> Result<(), InvalidInput> {
+    finite(&[value], field, stage)?;
+    if value > 0.0 { Ok(()) } else { Err(InvalidInput::NotPositive { field, stage, value }) }
+}
+
+fn ordered(lower: f64, upper: f64, field: Field, stage: usize) -> Result<(), InvalidInput> {
+    if lower <= upper && lower < f64::INFINITY && upper > f64::NEG_INFINITY {
+        Ok(())
+    } else {
+        Err(InvalidInput::IllOrdered { field, stage, lower, upper })
+    }
+}
