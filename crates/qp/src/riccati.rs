@@ -14,6 +14,8 @@ struct StageFactor<const NX: usize> {
     closed_loop: Matrix<NX, NX>,
     /// 1 / S with S = R + B'P B at this stage.
     inverse_curvature: f64,
+    /// Its square root.
+    inverse_root: f64,
 }
 
 /// The matrices a factorization was made from.
@@ -69,7 +71,13 @@ pub(crate) struct Riccati<const NX: usize> {
 impl<const NX: usize> Riccati<NX> {
     pub(crate) fn new(horizon: usize) -> Self {
         let zero = [[0.0; NX]; NX];
-        let stage = StageFactor { cost_to_go: zero, gain: [0.0; NX], closed_loop: zero, inverse_curvature: 0.0 };
+        let stage = StageFactor {
+            cost_to_go: zero,
+            gain: [0.0; NX],
+            closed_loop: zero,
+            inverse_curvature: 0.0,
+            inverse_root: 0.0,
+        };
         let key = Key { a: zero, b: [0.0; NX], state_weight: [0.0; NX], input_weight: 0.0 };
         Self { stages: vec![stage; horizon], keys: vec![key; horizon], valid: false }
     }
@@ -106,7 +114,14 @@ impl<const NX: usize> Riccati<NX> {
                 *row = add_scaled(*row, -b, &gain);
             }
             let next = symmetric_step(&cost_to_go, &closed_loop, &gain, stage.input_weight);
-            *factor = StageFactor { cost_to_go, gain, closed_loop, inverse_curvature: 1.0 / curvature };
+            let inverse_curvature = 1.0 / curvature;
+            *factor = StageFactor {
+                cost_to_go,
+                gain,
+                closed_loop,
+                inverse_curvature,
+                inverse_root: inverse_curvature.sqrt(),
+            };
             cost_to_go = next;
         }
     }
@@ -146,7 +161,7 @@ impl<const NX: usize> Riccati<NX> {
             for ((p, weight), reference) in p.iter_mut().zip(&stage.state_weight).zip(&stage.state_reference) {
                 *p -= weight * reference;
             }
-            let h = add_product(p, &factor.cost_to_go, &stage.c);
+            let h = add_scaled(add_product([0.0; NX], &factor.cost_to_go, &stage.c), 1.0, &p);
             let mut own = multipliers[k].input - stage.input_weight * stage.input_reference;
             let mut pull = [0.0; NX];
             for (row, &multiplier) in stage.rows.iter().zip(&multipliers[k].rows) {
@@ -173,11 +188,11 @@ impl<const NX: usize> Riccati<NX> {
         let (state, input) = constraint;
         let Some((last, earlier)) = out.split_last_mut() else { return *state };
         let factor = &self.stages[earlier.len()];
-        *last = input * factor.inverse_curvature.sqrt();
+        *last = input * factor.inverse_root;
         let mut p = add_scaled(*state, -input, &factor.gain);
         for (k, z) in earlier.iter_mut().enumerate().rev() {
             let factor = &self.stages[k];
-            *z = inner(&problem.stages[k].b, &p) * factor.inverse_curvature.sqrt();
+            *z = inner(&problem.stages[k].b, &p) * factor.inverse_root;
             p = transpose_product(&factor.closed_loop, &p);
         }
         p
@@ -185,7 +200,7 @@ impl<const NX: usize> Riccati<NX> {
 
     /// -`K_0` and `1/√S_0`, from which the slope of `u_0` in `x_0` follows.
     pub(crate) fn first_gain(&self) -> Option<(Vector<NX>, f64)> {
-        self.stages.first().map(|s| (s.gain.map(|v| -v), s.inverse_curvature.sqrt()))
+        self.stages.first().map(|s| (s.gain.map(|v| -v), s.inverse_root))
     }
 }
 
@@ -222,7 +237,7 @@ fn symmetric_step<const NX: usize>(
 
 /// A x + B u + c.
 pub(crate) fn step<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, x: &Vector<NX>, u: f64) -> Vector<NX> {
-    add_product(add_scaled(stage.c, u, &stage.b), &stage.a, x)
+    add_scaled(add_product(stage.c, &stage.a, x), u, &stage.b)
 }
 
 /// Value of a row at (x, u).

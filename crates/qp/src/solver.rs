@@ -268,16 +268,10 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
         }
     }
 
-    /// Moves the inputs into their bounds and follows the states under them.
+    /// Moves the inputs into their bounds and judges what has been reached.
     fn finish(&mut self, problem: &Problem<NX, NS>, residual: f64) -> Verdict<NX> {
-        let mut x = problem.initial_state;
-        for (k, stage) in problem.stages.iter().enumerate() {
-            let u = self.trajectory.inputs[k];
-            let u = if u.is_finite() { u } else { stage.input_reference };
-            let u = u.clamp(problem.input_min, problem.input_max);
-            x = step(stage, &x, u);
-            self.trajectory.inputs[k] = u;
-            self.trajectory.states[k + 1] = x;
+        if self.project(problem) {
+            self.roll_out(problem);
         }
         let status = if residual <= ACCEPTED { Status::Solved } else { Status::IterationLimit };
         let verdict =
@@ -286,6 +280,26 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             self.active.clear();
         }
         verdict
+    }
+
+    /// True if an input moved.
+    fn project(&mut self, problem: &Problem<NX, NS>) -> bool {
+        let mut moved = false;
+        for (u, stage) in self.trajectory.inputs.iter_mut().zip(&problem.stages) {
+            let finite = if u.is_finite() { *u } else { stage.input_reference };
+            let inside = finite.clamp(problem.input_min, problem.input_max);
+            moved |= inside.to_bits() != u.to_bits();
+            *u = inside;
+        }
+        moved
+    }
+
+    fn roll_out(&mut self, problem: &Problem<NX, NS>) {
+        let mut x = problem.initial_state;
+        for (k, stage) in problem.stages.iter().enumerate() {
+            x = step(stage, &x, self.trajectory.inputs[k]);
+            self.trajectory.states[k + 1] = x;
+        }
     }
 
     fn verdict(&self, status: Status, kkt_residual: f64) -> Verdict<NX> {

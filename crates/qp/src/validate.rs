@@ -92,7 +92,35 @@ pub(crate) fn validate<const NX: usize, const NS: usize>(
     }
     finite(&problem.initial_state, Field::InitialState, 0)?;
     ordered(problem.input_min, problem.input_max, Field::InputBounds, 0)?;
-    problem.stages.iter().enumerate().try_for_each(|(k, stage)| validate_stage(stage, k))
+    let mut suspects = problem.stages.iter().enumerate().filter(|(_, stage)| !is_valid(stage));
+    suspects.try_for_each(|(k, stage)| validate_stage(stage, k))
+}
+
+/// The answer of [`validate_stage`] without its reason and nearly without branches: all stages of all problems pass here.
+fn is_valid<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>) -> bool {
+    let mut valid = stage.input_weight > 0.0;
+    let mut tainted = taint(&[stage.input_weight, stage.input_reference])
+        + taint(&stage.b)
+        + taint(&stage.c)
+        + taint(&stage.state_weight)
+        + taint(&stage.state_reference);
+    for line in &stage.a {
+        tainted += taint(line);
+    }
+    for weight in &stage.state_weight {
+        valid &= *weight >= 0.0;
+    }
+    for row in &stage.rows {
+        tainted += taint(&row.state) + taint(&[row.input, row.l1_weight, row.l2_weight]);
+        valid &= row.l1_weight >= 0.0 && row.l2_weight > 0.0;
+        valid &= row.lower <= row.upper && row.lower < f64::INFINITY && row.upper > f64::NEG_INFINITY;
+    }
+    valid && tainted == 0.0
+}
+
+/// 0 if all numbers are finite, NaN otherwise.
+fn taint<const N: usize>(values: &[f64; N]) -> f64 {
+    values.iter().fold(0.0, |sum, v| sum + v * 0.0)
 }
 
 fn validate_stage<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, k: usize) -> Result<(), InvalidInput> {
@@ -121,12 +149,7 @@ fn validate_row<const NX: usize>(row: &Row<NX>, i: usize, k: usize) -> Result<()
 }
 
 fn finite(values: &[f64], field: Field, stage: usize) -> Result<(), InvalidInput> {
-    // Products with 0 are 0 or NaN: one branch for the whole field.
-    if values.iter().fold(0.0, |sum, v| sum + v * 0.0) == 0.0 {
-        Ok(())
-    } else {
-        Err(InvalidInput::NotFinite { field, stage })
-    }
+    if values.iter().all(|v| v.is_finite()) { Ok(()) } else { Err(InvalidInput::NotFinite { field, stage }) }
 }
 
 fn positive(value: f64, field: Field, stage: usize) -> Result<(), InvalidInput> {
