@@ -1,0 +1,239 @@
+//! Named tensors to and from the bytes of a safetensors file; reading and writing files is the caller's.
+//!
+//! The format holds data only, no code. A reader checks the header's length before it parses, and names and shapes before
+//! it copies, so that a damaged or hostile file is a typed error and costs no more memory than its own size.
+
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+
+/// The longest header accepted, 1 MiB: the format itself would allow 100 MB of entries to be parsed.
+pub const MAX_HEADER_BYTES: u64 = 1 << 20;
+
+/// Values of one tensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Values<'a> {
+    /// Single-precision numbers.
+    F32(&'a [f32]),
+    /// Unsigned integers.
+    U32(&'a [u32]),
+}
+
+/// A tensor to be written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedTensor<'a> {
+    /// Name, unique in its file.
+    pub name: String,
+    /// Shape, row-major; its product is the number of values.
+    pub shape: Vec<usize>,
+    /// The values.
+    pub values: Values<'a>,
+}
+
+/// What is wrong with a file of tensors.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TensorError {
+    /// Fewer bytes than the length field takes.
+    #[error("the tensor file has {found} bytes, fewer than the 8 of its length field")]
+    TooShort {
+        /// Bytes found.
+        found: usize,
+    },
+    /// A header longer than allowed.
+    #[error("the tensor file declares a header of {found} bytes, but at most {max} are allowed")]
+    HeaderTooLong {
+        /// Length declared.
+        found: u64,
+        /// Longest length allowed.
+        max: u64,
+    },
+    /// The bytes are no safetensors file, or a part of one.
+    #[error("the tensor file cannot be read; it may be cut off or damaged")]
+    Malformed(#[source] safetensors::SafeTensorError),
+    /// A tensor is not there.
+    #[error("the tensor file has no tensor `{name}`")]
+    Missing {
+        /// Name looked for.
+        name: String,
+    },
+    /// A tensor nobody asked for.
+    #[error("the tensor file has an unknown tensor `{name}`")]
+    Unknown {
+        /// Name found.
+        name: String,
+    },
+    /// The wrong shape.
+    #[error("tensor `{name}` has shape {found:?}, but must have {expected:?}")]
+    Shape {
+        /// Name of the tensor.
+        name: String,
+        /// Shape required.
+        expected: Vec<usize>,
+        /// Shape found.
+        found: Vec<usize>,
+    },
+    /// The wrong type of numbers.
+    #[error("tensor `{name}` holds {found}, but must hold {expected}")]
+    Type {
+        /// Name of the tensor.
+        name: String,
+        /// Type required.
+        expected: String,
+        /// Type found.
+        found: String,
+    },
+    /// A value that is infinite or not a number.
+    #[error("tensor `{name}` holds {value} at index {index}, but all values must be finite")]
+    NotFinite {
+        /// Name of the tensor.
+        name: String,
+        /// Index in row-major order.
+        index: usize,
+        /// The value.
+        value: f32,
+    },
+}
+
+/// The bytes of a file with these tensors. Equal tensors give equal bytes.
+pub fn to_bytes(tensors: &[NamedTensor<'_>]) -> Result<Vec<u8>, TensorError> {
+    let encoded: Vec<Vec<u8>> = tensors.iter().map(|tensor| encode(tensor.values)).collect();
+    let mut views = Vec::with_capacity(tensors.len());
+    for (tensor, bytes) in tensors.iter().zip(&encoded) {
+        let kind = match tensor.values {
+            Values::F32(_) => Dtype::F32,
+            Values::U32(_) => Dtype::U32,
+        };
+        let view = TensorView::new(kind, tensor.shape.clone(), bytes).map_err(TensorError::Malformed)?;
+        views.push((tensor.name.as_str(), view));
+    }
+    safetensors::serialize(views, None).map_err(TensorError::Malformed)
+}
+
+fn encode(values: Values<'_>) -> Vec<u8> {
+    match values {
+        Values::F32(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+        Values::U32(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+    }
+}
+
+/// The tensors of a file in memory.
+#[derive(Debug)]
+pub struct TensorFile<'a> {
+    tensors: SafeTensors<'a>,
+}
+
+impl<'a> TensorFile<'a> {
+    /// Reads the header.
+    pub fn parse(bytes: &'a [u8]) -> Result<Self, TensorError> {
+        let Some(length) = bytes.first_chunk::<8>() else {
+            return Err(TensorError::TooShort { found: bytes.len() });
+        };
+        let found = u64::from_le_bytes(*length);
+        if found > MAX_HEADER_BYTES {
+            return Err(TensorError::HeaderTooLong { found, max: MAX_HEADER_BYTES });
+        }
+        SafeTensors::deserialize(bytes).map(|tensors| Self { tensors }).map_err(TensorError::Malformed)
+    }
+
+    /// Refuses a file with a tensor that `known` does not name.
+    pub fn expect_only(&self, known: &[&str]) -> Result<(), TensorError> {
+        let mut names = self.tensors.names();
+        names.sort_unstable();
+        match names.into_iter().find(|name| !known.contains(name)) {
+            Some(name) => Err(TensorError::Unknown { name: name.to_owned() }),
+            None => Ok(()),
+        }
+    }
+
+    /// The values of a tensor of finite f32 of this shape.
+    pub fn f32(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, TensorError> {
+        let bytes = self.bytes(name, shape, Dtype::F32)?;
+        let values: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)).collect();
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(index) => Err(TensorError::NotFinite { name: name.to_owned(), index, value: values[index] }),
+            None => Ok(values),
+        }
+    }
+
+    /// The values of a tensor of u32 of this shape.
+    pub fn u32(&self, name: &str, shape: &[usize]) -> Result<Vec<u32>, TensorError> {
+        let bytes = self.bytes(name, shape, Dtype::U32)?;
+        Ok(bytes.as_chunks::<4>().0.iter().map(|value| u32::from_le_bytes(*value)).collect())
+    }
+
+    fn bytes(&self, name: &str, shape: &[usize], kind: Dtype) -> Result<&'a [u8], TensorError> {
+        let tensor = self.tensors.tensor(name).map_err(|_| TensorError::Missing { name: name.to_owned() })?;
+        if tensor.shape() != shape {
+            let (expected, found) = (shape.to_vec(), tensor.shape().to_vec());
+            return Err(TensorError::Shape { name: name.to_owned(), expected, found });
+        }
+        if tensor.dtype() != kind {
+            let (expected, found) = (format!("{kind:?}"), format!("{:?}", tensor.dtype()));
+            return Err(TensorError::Type { name: name.to_owned(), expected, found });
+        }
+        Ok(tensor.data())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{NamedTensor, TensorError, TensorFile, Values, to_bytes};
+
+    fn sample() -> Vec<u8> {
+        let weight = [1.0_f32, -2.5, f32::MIN_POSITIVE, -0.0, 7.0, 1e30];
+        to_bytes(&[
+            NamedTensor { name: "weight".to_owned(), shape: vec![2, 3], values: Values::F32(&weight) },
+            NamedTensor { name: "mask".to_owned(), shape: vec![2], values: Values::U32(&[7, u32::MAX]) },
+        ])
+        .unwrap()
+    }
+
+    #[test]
+    fn tensors_return_bit_for_bit() {
+        let bytes = sample();
+        let file = TensorFile::parse(&bytes).unwrap();
+        let weight = file.f32("weight", &[2, 3]).unwrap();
+        assert_eq!(weight[3].to_bits(), (-0.0_f32).to_bits());
+        assert_eq!(weight[5], 1e30);
+        assert_eq!(file.u32("mask", &[2]).unwrap(), [7, u32::MAX]);
+        file.expect_only(&["mask", "weight"]).unwrap();
+        assert_eq!(bytes, sample());
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        let bytes = sample();
+        let file = TensorFile::parse(&bytes).unwrap();
+        assert!(matches!(file.f32("bias", &[2]), Err(TensorError::Missing { .. })));
+        assert!(matches!(file.f32("weight", &[3, 2]), Err(TensorError::Shape { .. })));
+        assert!(matches!(file.u32("weight", &[2, 3]), Err(TensorError::Type { .. })));
+        assert!(matches!(file.expect_only(&["weight"]), Err(TensorError::Unknown { .. })));
+        let nan = [f32::NAN];
+        let tensor = NamedTensor { name: "x".to_owned(), shape: vec![1], values: Values::F32(&nan) };
+        let bytes = to_bytes(&[tensor]).unwrap();
+        let file = TensorFile::parse(&bytes).unwrap();
+        assert!(matches!(file.f32("x", &[1]), Err(TensorError::NotFinite { index: 0, .. })));
+    }
+
+    #[test]
+    fn every_cut_is_refused_and_no_flipped_bit_panics() {
+        let bytes = sample();
+        for length in 0..bytes.len() {
+            assert!(TensorFile::parse(&bytes[..length]).is_err(), "{length} of {} bytes", bytes.len());
+        }
+        for bit in 0..8 * bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            if let Ok(file) = TensorFile::parse(&damaged) {
+                let _ = file.f32("weight", &[2, 3]);
+                let _ = file.u32("mask", &[2]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_long_header_is_refused_before_it_is_parsed() {
+        let mut bytes = ((1_u64 << 20) + 1).to_le_bytes().to_vec();
+        bytes.resize(1 << 21, b' ');
+        assert!(matches!(TensorFile::parse(&bytes), Err(TensorError::HeaderTooLong { .. })));
+    }
+}
