@@ -1,1 +1,40 @@
-//! TODO
+//! Value learners, replay and maximum-entropy inverse reinforcement learning.
+//!
+//! Observations are vectors of numbers, actions are indices with a mask of those allowed; what they stand for is the
+//! caller's. All randomness is keyed by seed, purpose and index, so that any decision or update can be repeated alone.
+//!
+//! - [`Learner`] trains a Q-network by one of the [`Algorithm`]s; each has a file of its own that differs from the others
+//!   in targets, masks and ∂L/∂q only.
+//! - [`Policy`] is a snapshot of the network, [`Actor`] takes decisions with it.
+//!
+//! ```
+//! use lanecraft_learn::{Learner, LearnerConfig, OptionAccumulator, ReplayBuffer};
+//!
+//! let config = LearnerConfig { learning_starts: 1, batch: 4, replay_capacity: 100, ..LearnerConfig::default() };
+//! let mut learner = Learner::new(&config, 2, 3, 7)?;
+//! let mut replay = ReplayBuffer::new(config.replay_capacity, 2, 3);
+//! let mut option = OptionAccumulator::start(vec![0.0, 1.0], 2, &config);
+//! option.tick(1.5);
+//! let bootstrap_mask = learner.bootstrap_mask(replay.pushed());
+//! replay.push(&option.finish(vec![1.0, 0.0], 0b111, false, bootstrap_mask))?;
+//! let stats = learner.update(&replay, learner.learning_rate(0, 1000))?;
+//! assert!(stats.loss.is_finite());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod algorithm;
+mod bootstrapped_dqn;
+mod config;
+mod double_dqn;
+mod dqn;
+mod learner;
+mod policy;
+mod replay;
+mod transition;
+
+pub use algorithm::Algorithm;
+pub use config::{ConfigError, LearnerConfig};
+pub use learner::{Learner, UpdateError, UpdateStats};
+pub use policy::{ActError, Actor, Choice, Exploration, Policy};
+pub use replay::{ReplayBuffer, ReplayError};
+pub use transition::{OptionAccumulator, Transition};

@@ -1,0 +1,214 @@
+//! Acting: a snapshot of the network and what takes decisions with it.
+
+use std::sync::Arc;
+
+use lanecraft_net::random::Stream;
+use lanecraft_net::{Ensemble, Workspace};
+
+use crate::algorithm::best_allowed;
+use crate::bootstrapped_dqn::vote;
+use crate::replay::all_actions;
+
+/// A network that no longer changes. Cloning shares it, so that threads can act with it while the learner goes on.
+#[derive(Clone, Debug)]
+pub struct Policy {
+    pub(crate) network: Arc<Ensemble>,
+}
+
+/// A decision of all heads together.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Choice {
+    /// The action.
+    pub action: usize,
+    /// Share of the heads that voted for it, a measure of certainty; 1 with one head.
+    pub agreement: f64,
+    /// Its value, the mean over the heads, in units of scaled reward.
+    pub q: f64,
+}
+
+/// How to decide in training.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exploration {
+    /// The head that decides, drawn for each episode.
+    pub head: usize,
+    /// Share of decisions drawn uniformly from the allowed actions.
+    pub epsilon: f64,
+}
+
+/// A decision that cannot be taken.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ActError {
+    /// An observation of the wrong length.
+    #[error("the observation has {found} numbers, but the network takes {expected}")]
+    Length {
+        /// Length required.
+        expected: usize,
+        /// Length found.
+        found: usize,
+    },
+    /// No action is allowed.
+    #[error("the mask {mask:#b} allows none of the {actions} actions")]
+    NothingAllowed {
+        /// The mask.
+        mask: u32,
+        /// Number of actions.
+        actions: usize,
+    },
+    /// The observation or the network leads to values that are infinite or not numbers.
+    #[error("the network's values of this observation are not finite; look for NaN in the observation")]
+    NotFinite,
+    /// A head there is not.
+    #[error("head {found} was asked to decide, but there are {heads}")]
+    Head {
+        /// The head asked for.
+        found: usize,
+        /// Number of heads.
+        heads: usize,
+    },
+}
+
+impl Policy {
+    /// Length of an observation.
+    pub fn inputs(&self) -> usize {
+        self.network.shape().inputs
+    }
+
+    /// Number of actions.
+    pub fn actions(&self) -> usize {
+        self.network.shape().outputs
+    }
+
+    /// Number of heads.
+    pub fn heads(&self) -> usize {
+        self.network.shape().heads
+    }
+
+    /// The network.
+    pub fn network(&self) -> &Ensemble {
+        &self.network
+    }
+}
+
+/// Takes decisions with a policy; one for each thread, since it owns the memory of a forward pass.
+#[derive(Clone, Debug)]
+pub struct Actor {
+    policy: Policy,
+    workspace: Workspace,
+}
+
+impl Actor {
+    /// An actor with this policy.
+    pub fn new(policy: Policy) -> Self {
+        let workspace = Workspace::new(&policy.network, 1);
+        Self { policy, workspace }
+    }
+
+    /// The policy.
+    pub fn policy(&self) -> &Policy {
+        &self.policy
+    }
+
+    /// Goes on with another policy.
+    pub fn set_policy(&mut self, policy: Policy) {
+        if policy.network.shape() == self.policy.network.shape() {
+            self.policy = policy;
+        } else {
+            *self = Self::new(policy);
+        }
+    }
+
+    /// The vote of all heads among the actions of `mask` (action 0 in the lowest bit).
+    pub fn greedy(&mut self, observation: &[f32], mask: u32) -> Result<Choice, ActError> {
+        let actions = self.policy.actions();
+        let (q, allowed) = self.values(observation, mask)?;
+        Ok(vote(q, actions, allowed))
+    }
+
+    /// A decision in training: random among the actions of `mask` with the share `epsilon`, else the best of one head.
+    pub fn act(
+        &mut self,
+        observation: &[f32],
+        mask: u32,
+        exploration: Exploration,
+        stream: &mut Stream,
+    ) -> Result<usize, ActError> {
+        let (actions, heads) = (self.policy.actions(), self.policy.heads());
+        let head = exploration.head;
+        if head >= heads {
+            return Err(ActError::Head { found: head, heads });
+        }
+        let (q, allowed) = self.values(observation, mask)?;
+        if stream.bernoulli(exploration.epsilon) {
+            return Ok(nth_allowed(allowed, stream.below(allowed.count_ones() as usize)));
+        }
+        Ok(best_allowed(&q[head * actions..(head + 1) * actions], allowed))
+    }
+
+    /// Values of all heads, K × A, and the mask without bits beyond the actions.
+    fn values(&mut self, observation: &[f32], mask: u32) -> Result<(&[f32], u32), ActError> {
+        let (expected, actions) = (self.policy.inputs(), self.policy.actions());
+        if observation.len() != expected {
+            return Err(ActError::Length { expected, found: observation.len() });
+        }
+        let allowed = mask & all_actions(actions);
+        if allowed == 0 {
+            return Err(ActError::NothingAllowed { mask, actions });
+        }
+        let q = self.policy.network.forward(observation, &mut self.workspace);
+        if q.iter().any(|value| !value.is_finite()) {
+            return Err(ActError::NotFinite);
+        }
+        Ok((q, allowed))
+    }
+}
+
+/// The index of the n-th set bit, n from 0 and below the number of set bits.
+fn nth_allowed(mut mask: u32, n: usize) -> usize {
+    for _ in 0..n {
+        mask &= mask - 1;
+    }
+    mask.trailing_zeros() as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{ActError, Actor, Exploration, nth_allowed};
+    use crate::{Learner, LearnerConfig};
+    use lanecraft_net::random::Stream;
+
+    #[test]
+    fn set_bits_are_counted_from_the_lowest() {
+        assert_eq!([0, 1, 2].map(|n| nth_allowed(0b1010_0100, n)), [2, 5, 7]);
+    }
+
+    #[test]
+    fn masked_actions_are_never_chosen_and_allowed_ones_all_are() {
+        let learner = Learner::new(&LearnerConfig::default(), 3, 5, 1).unwrap();
+        let mut actor = Actor::new(learner.policy());
+        let mut stream = Stream::new(1, "test");
+        let mut seen = 0_u32;
+        for step in 0..500_u32 {
+            let observation = [0, 1, 2].map(|_| stream.normal() as f32);
+            let exploration = Exploration { head: step as usize % 6, epsilon: 0.5 };
+            let action = actor.act(&observation, 0b10110, exploration, &mut stream).unwrap();
+            seen |= 1 << action;
+            let choice = actor.greedy(&observation, 0b01010).unwrap();
+            assert!(choice.action == 1 || choice.action == 3);
+            assert!((1.0 / 6.0..=1.0).contains(&choice.agreement));
+        }
+        assert_eq!(seen, 0b10110);
+    }
+
+    #[test]
+    fn impossible_decisions_are_refused() {
+        let learner = Learner::new(&LearnerConfig::default(), 2, 3, 1).unwrap();
+        let mut actor = Actor::new(learner.policy());
+        assert_eq!(actor.greedy(&[0.0], 1), Err(ActError::Length { expected: 2, found: 1 }));
+        assert_eq!(actor.greedy(&[0.0, 0.0], 0b1000), Err(ActError::NothingAllowed { mask: 8, actions: 3 }));
+        assert_eq!(actor.greedy(&[0.0, f32::NAN], 1), Err(ActError::NotFinite));
+        let exploration = Exploration { head: 6, epsilon: 0.0 };
+        let refused = actor.act(&[0.0, 0.0], 1, exploration, &mut Stream::new(1, "test"));
+        assert_eq!(refused, Err(ActError::Head { found: 6, heads: 6 }));
+    }
+}
