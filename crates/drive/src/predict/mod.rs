@@ -1,5 +1,11 @@
 //! What the other vehicles will do: from a scene to a forecast.
 
+mod constant;
+
+use serde::{Deserialize, Serialize};
+
+use crate::scene::Scene;
+
 /// Time between two points of a forecast, s.
 pub const FORECAST_STEP_S: f64 = 0.1;
 /// Points of a forecast after the present one: 5 s, the longest horizon of the controllers.
@@ -55,5 +61,96 @@ impl Forecast {
             d_m: a.d_m + share * (b.d_m - a.d_m),
             speed_mps: a.speed_mps + share * (b.speed_mps - a.speed_mps),
         }
+    }
+}
+
+/// How the forecast is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Predictor {
+    /// Constant speed along the road.
+    #[default]
+    ConstantVelocity,
+}
+
+impl Predictor {
+    /// Forecasts every neighbor of `scene` into `forecast`, whose room is used again.
+    pub fn forecast(self, scene: &Scene, forecast: &mut Forecast) {
+        forecast.reset(scene.neighbors.len());
+        match self {
+            Self::ConstantVelocity => constant::forecast(scene, forecast),
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::road::{LaneIndex, Road, RoadConfig};
+    use crate::scene::{Neighbor, VehicleId};
+    use crate::vehicle::VehicleState;
+
+    pub(crate) fn neighbor(ahead_m: f64, speed_mps: f64, lane: u8) -> Neighbor {
+        Neighbor {
+            id: VehicleId(1),
+            ahead_m,
+            d_m: 3.75 * f64::from(lane),
+            speed_mps,
+            lateral_speed_mps: 0.0,
+            accel_mps2: 0.0,
+            length_m: 4.8,
+            width_m: 1.9,
+            lane: LaneIndex(lane),
+            target_lane: LaneIndex(lane),
+        }
+    }
+
+    pub(crate) fn scene(neighbors: Vec<Neighbor>) -> Scene {
+        Scene {
+            road: Arc::new(Road::new(RoadConfig::default()).unwrap()),
+            ego: VehicleState { d_m: 3.75, speed_mps: 25.0, ..VehicleState::default() },
+            ego_length_m: 4.8,
+            ego_width_m: 1.9,
+            ego_lane: LaneIndex(1),
+            neighbors,
+        }
+    }
+
+    #[test]
+    fn constant_velocity_is_its_closed_form_at_any_time() {
+        let scene = scene(vec![neighbor(-30.0, 22.0, 0), neighbor(40.0, 20.0, 1)]);
+        let mut forecast = Forecast::default();
+        Predictor::ConstantVelocity.forecast(&scene, &mut forecast);
+        for time_s in [0.0, 0.03, 1.25, 4.99, 5.0, 7.5] {
+            let point = forecast.at(1, time_s);
+            assert!((point.ahead_m - (40.0 + 20.0 * time_s)).abs() < 1e-9);
+            assert_eq!((point.d_m, point.speed_mps), (3.75, 20.0));
+        }
+    }
+
+    #[test]
+    fn a_visible_lane_change_is_finished_smoothly() {
+        let changing =
+            Neighbor { target_lane: LaneIndex(2), lateral_speed_mps: 0.8, d_m: 4.5, ..neighbor(40.0, 20.0, 1) };
+        let mut forecast = Forecast::default();
+        Predictor::ConstantVelocity.forecast(&scene(vec![changing]), &mut forecast);
+        let track = forecast.track(0);
+        assert_eq!(track[0].d_m, 4.5);
+        // The first step moves at about the measured lateral speed (it changes by at most ω² · 3 m · 0.1 s).
+        assert!(((track[1].d_m - track[0].d_m) / FORECAST_STEP_S - 0.8).abs() < 0.6);
+        assert!(track.windows(2).all(|pair| pair[1].d_m >= pair[0].d_m - 1e-12));
+        assert!((track[FORECAST_STEPS].d_m - 7.5).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_warm_forecast_keeps_its_room() {
+        let scene = scene(vec![neighbor(10.0, 20.0, 1), neighbor(40.0, 20.0, 1)]);
+        let mut forecast = Forecast::default();
+        Predictor::ConstantVelocity.forecast(&scene, &mut forecast);
+        let (first, room) = (forecast.clone(), forecast.points.capacity());
+        Predictor::ConstantVelocity.forecast(&scene, &mut forecast);
+        assert_eq!((first, room), (forecast.clone(), forecast.points.capacity()));
     }
 }
