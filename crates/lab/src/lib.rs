@@ -1,3 +1,4 @@
 //! Data, training, baselines, evaluation, statistics and reports.
 
 pub mod metrics;
+pub mod stats;
