@@ -2,3 +2,4 @@
 
 pub mod metrics;
 pub mod stats;
+pub mod trace_file;
