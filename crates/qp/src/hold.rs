@@ -87,10 +87,72 @@ fn add_identity<const N: usize>(mut a: Matrix<N, N>) -> Matrix<N, N> {
 mod tests {
     use super::zero_order_hold;
 
+    /// Some rounding errors of numbers near 1.
+    const ROUNDING: f64 = 1e-14;
+
+    fn assert_near<const N: usize, const M: usize>(found: &[[f64; M]; N], expected: &[[f64; M]; N], tolerance: f64) {
+        for (f, e) in found.as_flattened().iter().zip(expected.as_flattened()) {
+            assert!((f - e).abs() <= tolerance, "{found:?} is not {expected:?}");
+        }
+    }
+
     #[test]
     fn of_a_double_integrator_is_its_closed_form() {
-        let (transition, input) = zero_order_hold(&[[0.0, 1.0], [0.0, 0.0]], &[[0.0], [1.0]], 0.1);
-        assert_eq!(transition, [[1.0, 0.1], [0.0, 1.0]]);
-        assert!((input[0][0] - 0.005).abs() < 1e-17 && (input[1][0] - 0.1).abs() < 1e-16);
+        for dt in [0.01, 0.1, 0.5, 3.0, -0.2] {
+            let (transition, input) = zero_order_hold(&[[0.0, 1.0], [0.0, 0.0]], &[[0.0], [1.0]], dt);
+            assert_near(&transition, &[[1.0, dt], [0.0, 1.0]], ROUNDING);
+            assert_near(&input, &[[0.5 * dt * dt], [dt]], ROUNDING);
+        }
+    }
+
+    #[test]
+    fn of_a_lag_is_its_exponential_from_slow_to_stiff() {
+        for rate in [1e-9, 0.1, 3.0, 40.0, 900.0] {
+            let (transition, input) = zero_order_hold(&[[-rate]], &[[2.0 * rate]], 0.05);
+            let decay = libm::exp(-rate * 0.05);
+            assert_near(&transition, &[[decay]], ROUNDING);
+            assert_near(&input, &[[-2.0 * libm::expm1(-rate * 0.05)]], ROUNDING);
+        }
+    }
+
+    #[test]
+    fn of_an_oscillator_is_a_rotation() {
+        let (frequency, dt) = (7.0, 0.9);
+        let a = [[0.0, frequency], [-frequency, 0.0]];
+        let (transition, input) = zero_order_hold(&a, &[[frequency, 0.0], [0.0, frequency]], dt);
+        let (sin, cos) = libm::sincos(frequency * dt);
+        assert_near(&transition, &[[cos, sin], [-sin, cos]], 10.0 * ROUNDING);
+        assert_near(&input, &[[sin, 1.0 - cos], [cos - 1.0, sin]], 10.0 * ROUNDING);
+    }
+
+    /// Two short steps under one input are one long step.
+    #[test]
+    fn composes() {
+        let a = [[-24.0, 0.1, -27.0], [0.3, 0.0, 1.0], [2.0, -0.5, -30.0]];
+        let b = [[1.0, 0.2], [0.0, 3.0], [20.0, -1.0]];
+        let (half, half_input) = zero_order_hold(&a, &b, 0.025);
+        let (whole, whole_input) = zero_order_hold(&a, &b, 0.05);
+        let (mut transition, mut input) = ([[0.0; 3]; 3], half_input);
+        for i in 0..3 {
+            for l in 0..3 {
+                for j in 0..3 {
+                    transition[i][j] += half[i][l] * half[l][j];
+                }
+                for j in 0..2 {
+                    input[i][j] += half[i][l] * half_input[l][j];
+                }
+            }
+        }
+        assert_near(&whole, &transition, ROUNDING);
+        assert_near(&whole_input, &input, ROUNDING);
+    }
+
+    #[test]
+    fn of_what_is_not_a_number_is_not_a_number() {
+        for bad in [f64::NAN, f64::INFINITY] {
+            let (transition, input) = zero_order_hold(&[[bad, 1.0], [0.0, 0.0]], &[[0.0], [1.0]], 0.1);
+            assert!(transition.as_flattened().iter().chain(input.as_flattened()).all(|v| v.is_nan()));
+            assert!(zero_order_hold(&[[0.0]], &[[1.0]], bad).1[0][0].is_nan());
+        }
     }
 }

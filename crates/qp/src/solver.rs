@@ -12,7 +12,7 @@ const ITERATION_BUDGET: u32 = 600;
 /// Violation that counts as none, relative to the terms a constraint is summed from: some thousand rounding errors.
 const TOLERANCE: f64 = 1e-12;
 /// A solve ends as solved below this residual: rounding can keep ill-scaled problems above `TOLERANCE`.
-const ACCEPTED: f64 = 1e-8;
+const ACCEPTED: f64 = 1e-6;
 /// Violated constraints less than this share of the worst one wait for a later round.
 const ENTRY_SHARE: f64 = 0.05;
 /// Constraints that enter in one round at most.
@@ -270,21 +270,23 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
 
     /// Moves the inputs into their bounds and judges what has been reached.
     fn finish(&mut self, problem: &Problem<NX, NS>, residual: f64) -> Verdict<NX> {
+        if !residual.is_finite() {
+            self.active.clear();
+        }
         if self.project(problem) {
             self.roll_out(problem);
         }
         let status = if residual <= ACCEPTED { Status::Solved } else { Status::IterationLimit };
-        let verdict =
-            Verdict { slack_max: self.slack_max(problem), feedback: self.feedback(), ..self.verdict(status, residual) };
-        if !residual.is_finite() {
-            self.active.clear();
-        }
-        verdict
+        Verdict { slack_max: self.slack_max(problem), feedback: self.feedback(), ..self.verdict(status, residual) }
     }
 
-    /// True if an input moved.
+    /// Moves the inputs to their active bounds, which they meet but for rounding, and within the others; true if one moved.
     fn project(&mut self, problem: &Problem<NX, NS>) -> bool {
         let mut moved = false;
+        for item in self.active.items.iter().filter(|item| item.place.index == NS) {
+            self.trajectory.inputs[item.place.stage] = item.sign * item.bound;
+            moved = true;
+        }
         for (u, stage) in self.trajectory.inputs.iter_mut().zip(&problem.stages) {
             let finite = if u.is_finite() { *u } else { stage.input_reference };
             let inside = finite.clamp(problem.input_min, problem.input_max);

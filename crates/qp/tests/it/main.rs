@@ -1,4 +1,9 @@
-//! The solver from outside: second source, optimality, closed forms, warm starts, recovery.
+//! The solver from outside: second source, optimality, closed forms, warm starts, recovery, extremes.
 
+mod closed_forms;
 mod common;
+mod extremes;
+mod optimality;
+mod recovery;
 mod second_source;
+mod warm_start;
