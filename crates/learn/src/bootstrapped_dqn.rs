@@ -1,4 +1,4 @@
-//! Bootstrapped deep Q-learning (Osband et al., 2016; Eqs. 10 and 11, Algorithm 1): K heads on a shared core.
+//! Bootstrapped deep Q-learning (Osband et al., 2016; Eqs. 9 to 11, Algorithm 1): K heads on a shared core.
 //!
 //! Each head has the targets of its own target head and learns from the transitions whose mask names it. One head, drawn
 //! for each episode, drives in training; afterwards the heads vote. How far they agree measures how sure they are.
@@ -15,7 +15,7 @@ pub(crate) fn target(next: &Next<'_>, double: bool) -> f32 {
     if double { double_dqn::target(next) } else { dqn::target(next) }
 }
 
-/// Whether `head` learns from a transition with this mask: `m_k` in Eq. 11.
+/// Whether `head` learns from a transition with this mask: its d in Eq. 9.
 pub(crate) fn learns(head: usize, bootstrap_mask: u32) -> bool {
     bootstrap_mask >> head & 1 == 1
 }

@@ -7,6 +7,8 @@ use crate::Algorithm;
 
 /// Masks of actions and heads are 32 bits wide.
 pub(crate) const MAX_MASK_BITS: usize = 32;
+/// Longer observations are a slip of the keyboard.
+pub(crate) const MAX_INPUTS: usize = 65_536;
 /// A width of a layer beyond this is a slip of the keyboard.
 const MAX_WIDTH: usize = 4096;
 /// Longer buffers would not fit the memory of the machines this is made for.
@@ -174,7 +176,7 @@ fn within(key: &'static str, value: f64) -> Result<(), ConfigError> {
     if (0.0..=1.0).contains(&value) { Ok(()) } else { refused(key, &value, "in 0..=1".to_owned()) }
 }
 
-fn above_zero(key: &'static str, value: f64, max: f64) -> Result<(), ConfigError> {
+pub(crate) fn above_zero(key: &'static str, value: f64, max: f64) -> Result<(), ConfigError> {
     if value > 0.0 && value <= max { Ok(()) } else { refused(key, &value, format!("above 0 and at most {max}")) }
 }
 

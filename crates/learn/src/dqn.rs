@@ -1,4 +1,4 @@
-//! Deep Q-learning (Mnih et al., 2015; Eq. 9): `y = r + γᵏ max_a Q⁻(s', a)`, a among the actions allowed in s'.
+//! Deep Q-learning (Mnih et al., 2015; Eq. 10 with one head): `y = r + γᵏ max_a Q⁻(s', a)`, a among the actions allowed in s'.
 
 use crate::algorithm::{Next, best_allowed};
 

@@ -11,7 +11,7 @@ use lanecraft_net::random::Stream;
 use lanecraft_net::{Adam, Ensemble, Workspace};
 
 use crate::algorithm::Next;
-use crate::config::{MAX_MASK_BITS, count};
+use crate::config::{MAX_INPUTS, MAX_MASK_BITS, count};
 use crate::{Algorithm, ConfigError, LearnerConfig, Policy, ReplayBuffer};
 
 /// A Q-network in training.
@@ -87,7 +87,7 @@ impl Learner {
     /// A new learner for observations of `inputs` numbers and `actions` actions (at most 32).
     pub fn new(config: &LearnerConfig, inputs: usize, actions: usize, seed: u64) -> Result<Self, ConfigError> {
         config.validate()?;
-        count("inputs", inputs, 1, 65_536)?;
+        count("inputs", inputs, 1, MAX_INPUTS)?;
         count("actions", actions, 1, MAX_MASK_BITS)?;
         let shape = config.net_shape(inputs, actions);
         let network = Ensemble::new(shape, &mut Stream::new(seed, "learn.weights"))

@@ -24,6 +24,7 @@
 
 mod algorithm;
 mod bootstrapped_dqn;
+mod checkpoint;
 mod config;
 mod double_dqn;
 mod dqn;
@@ -33,6 +34,7 @@ mod replay;
 mod transition;
 
 pub use algorithm::Algorithm;
+pub use checkpoint::{CheckpointError, LearnerMetadata, PolicyMetadata};
 pub use config::{ConfigError, LearnerConfig};
 pub use learner::{Learner, UpdateError, UpdateStats};
 pub use policy::{ActError, Actor, Choice, Exploration, Policy};

@@ -3,6 +3,8 @@
 //! The format holds data only, no code. A reader checks the header's length before it parses, and names and shapes before
 //! it copies, so that a damaged or hostile file is a typed error and costs no more memory than its own size.
 
+use std::collections::BTreeSet;
+
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 
 /// The longest header accepted, 1 MiB: the format itself would allow 100 MB of entries to be parsed.
@@ -115,10 +117,11 @@ fn encode(values: Values<'_>) -> Vec<u8> {
     }
 }
 
-/// The tensors of a file in memory.
+/// The tensors of a file in memory, to be taken one by one.
 #[derive(Debug)]
 pub struct TensorFile<'a> {
     tensors: SafeTensors<'a>,
+    taken: BTreeSet<String>,
 }
 
 impl<'a> TensorFile<'a> {
@@ -131,22 +134,23 @@ impl<'a> TensorFile<'a> {
         if found > MAX_HEADER_BYTES {
             return Err(TensorError::HeaderTooLong { found, max: MAX_HEADER_BYTES });
         }
-        SafeTensors::deserialize(bytes).map(|tensors| Self { tensors }).map_err(TensorError::Malformed)
+        let tensors = SafeTensors::deserialize(bytes).map_err(TensorError::Malformed)?;
+        Ok(Self { tensors, taken: BTreeSet::new() })
     }
 
-    /// Refuses a file with a tensor that `known` does not name.
-    pub fn expect_only(&self, known: &[&str]) -> Result<(), TensorError> {
+    /// Refuses a file with a tensor that was not taken.
+    pub fn finish(self) -> Result<(), TensorError> {
         let mut names = self.tensors.names();
         names.sort_unstable();
-        match names.into_iter().find(|name| !known.contains(name)) {
+        match names.into_iter().find(|name| !self.taken.contains(*name)) {
             Some(name) => Err(TensorError::Unknown { name: name.to_owned() }),
             None => Ok(()),
         }
     }
 
     /// The values of a tensor of finite f32 of this shape.
-    pub fn f32(&self, name: &str, shape: &[usize]) -> Result<Vec<f32>, TensorError> {
-        let bytes = self.bytes(name, shape, Dtype::F32)?;
+    pub fn take_f32(&mut self, name: &str, shape: &[usize]) -> Result<Vec<f32>, TensorError> {
+        let bytes = self.take(name, shape, Dtype::F32)?;
         let values: Vec<f32> = bytes.as_chunks::<4>().0.iter().map(|value| f32::from_le_bytes(*value)).collect();
         match values.iter().position(|value| !value.is_finite()) {
             Some(index) => Err(TensorError::NotFinite { name: name.to_owned(), index, value: values[index] }),
@@ -155,12 +159,12 @@ impl<'a> TensorFile<'a> {
     }
 
     /// The values of a tensor of u32 of this shape.
-    pub fn u32(&self, name: &str, shape: &[usize]) -> Result<Vec<u32>, TensorError> {
-        let bytes = self.bytes(name, shape, Dtype::U32)?;
+    pub fn take_u32(&mut self, name: &str, shape: &[usize]) -> Result<Vec<u32>, TensorError> {
+        let bytes = self.take(name, shape, Dtype::U32)?;
         Ok(bytes.as_chunks::<4>().0.iter().map(|value| u32::from_le_bytes(*value)).collect())
     }
 
-    fn bytes(&self, name: &str, shape: &[usize], kind: Dtype) -> Result<&'a [u8], TensorError> {
+    fn take(&mut self, name: &str, shape: &[usize], kind: Dtype) -> Result<&'a [u8], TensorError> {
         let tensor = self.tensors.tensor(name).map_err(|_| TensorError::Missing { name: name.to_owned() })?;
         if tensor.shape() != shape {
             let (expected, found) = (shape.to_vec(), tensor.shape().to_vec());
@@ -170,6 +174,7 @@ impl<'a> TensorFile<'a> {
             let (expected, found) = (format!("{kind:?}"), format!("{:?}", tensor.dtype()));
             return Err(TensorError::Type { name: name.to_owned(), expected, found });
         }
+        self.taken.insert(name.to_owned());
         Ok(tensor.data())
     }
 }
@@ -190,28 +195,28 @@ mod tests {
     #[test]
     fn tensors_return_bit_for_bit() {
         let bytes = sample();
-        let file = TensorFile::parse(&bytes).unwrap();
-        let weight = file.f32("weight", &[2, 3]).unwrap();
+        let mut file = TensorFile::parse(&bytes).unwrap();
+        let weight = file.take_f32("weight", &[2, 3]).unwrap();
         assert_eq!(weight[3].to_bits(), (-0.0_f32).to_bits());
         assert_eq!(weight[5], 1e30);
-        assert_eq!(file.u32("mask", &[2]).unwrap(), [7, u32::MAX]);
-        file.expect_only(&["mask", "weight"]).unwrap();
+        assert_eq!(file.take_u32("mask", &[2]).unwrap(), [7, u32::MAX]);
+        file.finish().unwrap();
         assert_eq!(bytes, sample());
     }
 
     #[test]
     fn what_does_not_fit_is_named() {
         let bytes = sample();
-        let file = TensorFile::parse(&bytes).unwrap();
-        assert!(matches!(file.f32("bias", &[2]), Err(TensorError::Missing { .. })));
-        assert!(matches!(file.f32("weight", &[3, 2]), Err(TensorError::Shape { .. })));
-        assert!(matches!(file.u32("weight", &[2, 3]), Err(TensorError::Type { .. })));
-        assert!(matches!(file.expect_only(&["weight"]), Err(TensorError::Unknown { .. })));
+        let mut file = TensorFile::parse(&bytes).unwrap();
+        assert!(matches!(file.take_f32("bias", &[2]), Err(TensorError::Missing { .. })));
+        assert!(matches!(file.take_f32("weight", &[3, 2]), Err(TensorError::Shape { .. })));
+        assert!(matches!(file.take_u32("weight", &[2, 3]), Err(TensorError::Type { .. })));
+        assert!(matches!(file.finish(), Err(TensorError::Unknown { .. })));
         let nan = [f32::NAN];
         let tensor = NamedTensor { name: "x".to_owned(), shape: vec![1], values: Values::F32(&nan) };
         let bytes = to_bytes(&[tensor]).unwrap();
-        let file = TensorFile::parse(&bytes).unwrap();
-        assert!(matches!(file.f32("x", &[1]), Err(TensorError::NotFinite { index: 0, .. })));
+        let mut file = TensorFile::parse(&bytes).unwrap();
+        assert!(matches!(file.take_f32("x", &[1]), Err(TensorError::NotFinite { index: 0, .. })));
     }
 
     #[test]
@@ -223,9 +228,9 @@ mod tests {
         for bit in 0..8 * bytes.len() {
             let mut damaged = bytes.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
-            if let Ok(file) = TensorFile::parse(&damaged) {
-                let _ = file.f32("weight", &[2, 3]);
-                let _ = file.u32("mask", &[2]);
+            if let Ok(mut file) = TensorFile::parse(&damaged) {
+                let _ = file.take_f32("weight", &[2, 3]);
+                let _ = file.take_u32("mask", &[2]);
             }
         }
     }
