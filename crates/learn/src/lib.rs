@@ -6,6 +6,7 @@
 //! - [`Learner`] trains a Q-network by one of the [`Algorithm`]s; each has a file of its own that differs from the others
 //!   in targets, masks and ∂L/∂q only.
 //! - [`Policy`] is a snapshot of the network, [`Actor`] takes decisions with it.
+//! - [`irl`] fits the weights of a linear cost to choices among candidates.
 //!
 //! ```
 //! use lanecraft_learn::{Learner, LearnerConfig, OptionAccumulator, ReplayBuffer};
@@ -28,6 +29,7 @@ mod checkpoint;
 mod config;
 mod double_dqn;
 mod dqn;
+pub mod irl;
 mod learner;
 mod policy;
 mod replay;
