@@ -1,5 +1,6 @@
 //! Data, training, baselines, evaluation, statistics and reports.
 
+pub mod config;
 pub mod metrics;
 pub mod stats;
 pub mod trace_file;
