@@ -4,3 +4,4 @@ pub mod config;
 pub mod metrics;
 pub mod stats;
 pub mod trace_file;
+pub mod run_dir;
