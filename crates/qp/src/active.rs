@@ -4,8 +4,8 @@
 use crate::linalg::dot;
 use crate::responses::{Place, Responses};
 
-/// Least pivot, relative to the diagonal. A row that depends on those before it would have a pivot of rounding errors;
-/// with this one its multiplier runs to the next event, as it must.
+/// Least square of a pivot, relative to the diagonal. A constraint that depends on those before it would have a pivot of
+/// rounding errors; with this one its multiplier runs to the next event, as it must.
 const PIVOT_FLOOR: f64 = 1e-12;
 
 /// An active constraint, `sign` (its value) <= `bound` + slack.
@@ -20,6 +20,8 @@ pub(crate) struct Active {
     pub(crate) l1_weight: f64,
     /// 1 / w2; 0 for the bounds of the input.
     pub(crate) compliance: f64,
+    /// z'z, the diagonal of M without slack.
+    pub(crate) curvature: f64,
     /// Whether the slack is in use.
     pub(crate) soft: bool,
     /// The multiplier, or with the slack in use what it has beyond `l1_weight`. Kept apart because the sum may round it away.
@@ -28,6 +30,8 @@ pub(crate) struct Active {
     pub(crate) slope: f64,
     /// How fast `slope` falls along the present direction.
     pub(crate) fall: f64,
+    /// Whether the piece has changed since the factor was made.
+    pub(crate) bent: bool,
     /// Number of the constraint among all.
     pub(crate) id: usize,
 }
@@ -81,7 +85,7 @@ pub(crate) struct ActiveSet {
     member: Vec<bool>,
     /// Lower triangle, row after row.
     cholesky: Vec<f64>,
-    /// Rows of `cholesky` that are up to date.
+    /// Items, from the first on, whose rows `cholesky` holds.
     factored: usize,
     direction: Vec<f64>,
 }
@@ -103,6 +107,10 @@ impl ActiveSet {
         self.factored = 0;
     }
 
+    pub(crate) fn forget_factor(&mut self) {
+        self.factored = 0;
+    }
+
     pub(crate) fn contains(&self, id: usize) -> bool {
         self.member[id]
     }
@@ -119,15 +127,20 @@ impl ActiveSet {
             let zi = responses.response(item.place);
             let (done, row) = self.cholesky.split_at_mut(triangle(i));
             for (j, other) in self.items[..i].iter().enumerate() {
-                let zj = responses.response(other.place);
-                let common = zi.len().min(zj.len());
-                let curvature = item.sign * other.sign * dot(&zi[..common], &zj[..common]);
                 let above = &done[triangle(j)..=triangle(j) + j];
-                row[j] = (curvature - dot(&row[..j], &above[..j])) / above[j];
+                let pivot = above[j];
+                row[j] = if pivot * pivot > 2.0 * PIVOT_FLOOR * other.curvature {
+                    let zj = responses.response(other.place);
+                    let common = zi.len().min(zj.len());
+                    let coupling = item.sign * other.sign * dot(&zi[..common], &zj[..common]);
+                    (coupling - dot(&row[..j], &above[..j])) / pivot
+                } else {
+                    // Next to a pivot of 0 stand zeros; what rounding leaves there must not be magnified.
+                    0.0
+                };
             }
-            let own = dot(zi, zi);
-            let diagonal = if item.soft { own + item.compliance } else { own };
-            row[i] = (diagonal - dot(&row[..i], &row[..i])).max(PIVOT_FLOOR * own).max(f64::MIN_POSITIVE).sqrt();
+            let diagonal = item.curvature + if item.soft { item.compliance } else { 0.0 };
+            row[i] = (diagonal - dot(&row[..i], &row[..i])).max(PIVOT_FLOOR * item.curvature).sqrt();
         }
         self.factored = self.items.len();
     }
@@ -175,12 +188,14 @@ impl ActiveSet {
             outcome = Walk::Bent;
             if event == Event::Drop {
                 self.remove(i);
+                self.requeue_bent();
                 return outcome;
             }
             curvature += d[i] * self.bend(i, d[i], event);
             rest = if slope > 0.0 && curvature > 0.0 { slope / curvature } else { 0.0 };
         }
         self.advance(d, rest);
+        self.requeue_bent();
         outcome
     }
 
@@ -211,16 +226,59 @@ impl ActiveSet {
         let item = &mut self.items[i];
         item.soft = event == Event::Soften;
         item.amount = if item.soft { 0.0 } else { item.l1_weight };
+        item.bent = !item.bent;
         let change = if item.soft { rate * item.compliance } else { -rate * item.compliance };
         item.fall += change;
-        self.factored = self.factored.min(i);
         change
     }
 
     pub(crate) fn remove(&mut self, i: usize) {
+        self.remove_factor(i);
         let item = self.items.remove(i);
         self.member[item.id] = false;
-        self.factored = self.factored.min(i);
+    }
+
+    /// Moves the items whose diagonal of M has changed to the end, where the factor is still to come.
+    fn requeue_bent(&mut self) {
+        let mut i = 0;
+        for _ in 0..self.items.len() {
+            if self.items[i].bent {
+                self.remove_factor(i);
+                let item = self.items.remove(i);
+                self.items.push(Active { bent: false, ..item });
+            } else {
+                i += 1;
+            }
+        }
+    }
+
+    /// Takes item `i` out of the factor: row i goes, and plane rotations of the columns bring what is left back to
+    /// triangular form (Golub and Van Loan, 2013, section 6.5.4).
+    fn remove_factor(&mut self, i: usize) {
+        if i >= self.factored {
+            return;
+        }
+        for column in i..self.factored - 1 {
+            let (a, b) = self.pair(column + 1, column);
+            let length = (a * a + b * b).sqrt();
+            let (cos, sin) = (a / length, b / length);
+            for row in column + 1..self.factored {
+                let (a, b) = self.pair(row, column);
+                let at = triangle(row) + column;
+                self.cholesky[at] = cos * a + sin * b;
+                self.cholesky[at + 1] = cos * b - sin * a;
+            }
+        }
+        for row in i + 1..self.factored {
+            self.cholesky.copy_within(triangle(row)..triangle(row) + row, triangle(row - 1));
+        }
+        self.factored -= 1;
+    }
+
+    /// Entries `column` and `column` + 1 of a row of the factor.
+    fn pair(&self, row: usize, column: usize) -> (f64, f64) {
+        let at = triangle(row) + column;
+        (self.cholesky[at], self.cholesky[at + 1])
     }
 }
 

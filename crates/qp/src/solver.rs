@@ -1,6 +1,7 @@
 //! The solver: a dual active-set method on the Riccati factorization (docs/qp.md).
 
 use crate::active::{Active, ActiveSet, Walk};
+use crate::linalg::dot;
 use crate::problem::{Problem, Row};
 use crate::responses::{Place, Responses};
 use crate::riccati::{Multipliers, Riccati, Trajectory, row_value, step};
@@ -13,6 +14,8 @@ const ITERATION_BUDGET: u32 = 600;
 const TOLERANCE: f64 = 1e-12;
 /// A solve ends as solved below this residual: rounding can keep ill-scaled problems above `TOLERANCE`.
 const ACCEPTED: f64 = 1e-6;
+/// How often a factor that brings no progress is made anew, as it may have lost digits by many changes.
+const RENEWALS: u32 = 2;
 /// Violated constraints less than this share of the worst one wait for a later round.
 const ENTRY_SHARE: f64 = 0.05;
 /// Constraints that enter in one round at most.
@@ -122,10 +125,9 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             self.enter(problem, place, old.sign, 0.0);
             let Some(item) = self.active.items.last_mut() else { continue };
             let multiplier = old.multiplier();
-            let without_effect = self.responses.response(place).iter().all(|z| *z == 0.0);
             item.soft = multiplier > item.l1_weight;
             item.amount = if item.soft { multiplier - item.l1_weight } else { multiplier };
-            if without_effect || !item.bound.is_finite() {
+            if item.curvature == 0.0 || !item.bound.is_finite() {
                 self.active.remove(self.active.items.len() - 1);
             }
         }
@@ -136,7 +138,8 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
         self.responses.learn(&self.riccati, problem, place);
         let row = problem.stages[place.stage].rows.get(place.index);
         let (lower, upper) = row.map_or((problem.input_min, problem.input_max), |row| (row.lower, row.upper));
-        let without_effect = self.responses.response(place).iter().all(|z| *z == 0.0);
+        let response = self.responses.response(place);
+        let curvature = dot(response, response);
         self.active.push(Active {
             place,
             id: self.responses.id(place),
@@ -144,17 +147,20 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             bound: if sign > 0.0 { upper } else { -lower },
             l1_weight: row.map_or(f64::INFINITY, |row| row.l1_weight),
             compliance: row.map_or(0.0, |row| 1.0 / row.l2_weight),
-            // No input can help such a row: only its slack can.
-            soft: without_effect,
+            curvature,
+            // No input can help a row without response: only its slack can.
+            soft: curvature == 0.0,
             amount: 0.0,
             slope,
             fall: 0.0,
+            bent: false,
         });
     }
 
     /// Raises the dual until no constraint is violated; returns the residual left.
     fn maximize_dual(&mut self, problem: &Problem<NX, NS>) -> f64 {
         let mut before = f64::INFINITY;
+        let mut renewals = 0;
         loop {
             self.minimize_lagrangian(problem);
             let held = self.measure_slopes(problem);
@@ -164,10 +170,16 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             // As long as Newton steps still improve the set at hand, the violations of the others say little.
             if held <= TOLERANCE || held > 0.5 * before {
                 let violation = self.find_candidates(problem);
-                if violation == 0.0 || self.iterations >= ITERATION_BUDGET {
+                let settled = violation == 0.0 && (held <= TOLERANCE || renewals == RENEWALS);
+                if settled || self.iterations >= ITERATION_BUDGET {
                     return held.max(violation);
                 }
-                self.enter_candidates(problem, violation);
+                if violation > 0.0 {
+                    self.enter_candidates(problem, violation);
+                } else {
+                    self.active.forget_factor();
+                    renewals += 1;
+                }
                 before = f64::INFINITY;
             } else {
                 before = held;
