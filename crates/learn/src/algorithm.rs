@@ -56,11 +56,12 @@ impl Algorithm {
         }
     }
 
-    /// Whether `head` learns from a transition with this bootstrap mask.
-    pub(crate) fn learns(self, head: usize, bootstrap_mask: u32) -> bool {
+    /// The heads that learn from a transition with this bootstrap mask, head 0 in the lowest bit.
+    pub(crate) fn learning_heads(self, bootstrap_mask: u32) -> u32 {
         match self {
-            Self::Dqn | Self::DoubleDqn => true,
-            Self::BootstrappedDqn => bootstrapped_dqn::learns(head, bootstrap_mask),
+            Self::Dqn | Self::DoubleDqn => 1,
+            // d in Eq. 9.
+            Self::BootstrappedDqn => bootstrap_mask,
         }
     }
 }

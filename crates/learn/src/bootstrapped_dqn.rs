@@ -15,11 +15,6 @@ pub(crate) fn target(next: &Next<'_>, double: bool) -> f32 {
     if double { double_dqn::target(next) } else { dqn::target(next) }
 }
 
-/// Whether `head` learns from a transition with this mask: its d in Eq. 9.
-pub(crate) fn learns(head: usize, bootstrap_mask: u32) -> bool {
-    bootstrap_mask >> head & 1 == 1
-}
-
 /// The heads' vote on their values `q`, K × A, among the allowed actions.
 pub(crate) fn vote(q: &[f32], actions: usize, allowed: u32) -> Choice {
     let mut votes = [0_u32; MAX_MASK_BITS];

@@ -31,12 +31,13 @@ pub struct Learner {
 #[derive(Clone, Debug)]
 struct Scratch {
     workspace: Workspace,
-    /// Slots of the replay buffer in the batch.
+    /// Slots of the replay buffer in the batch, and the heads that learn from each.
     slots: Vec<usize>,
+    head_masks: Vec<u32>,
     /// batch × inputs.
     observation: Vec<f32>,
     next_observation: Vec<f32>,
-    /// K × batch × A.
+    /// For each head the rows that it learns from, × A; at most K × batch × A.
     online_next: Vec<f32>,
     target_next: Vec<f32>,
     q: Vec<f32>,
@@ -47,9 +48,9 @@ struct Scratch {
 /// What one update tells about training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UpdateStats {
-    /// Huber loss, the mean over the batch and the heads; transitions masked out count as zero.
+    /// Huber loss, the mean over the heads and the transitions each learned from.
     pub loss: f64,
-    /// Value of the actions taken, the mean over the batch and the heads.
+    /// Value of the actions taken, the mean over the same.
     pub mean_q: f64,
 }
 
@@ -173,9 +174,8 @@ impl Learner {
         self.sample(replay);
         self.evaluate();
         let stats = self.output_gradient(replay);
-        let scratch = &mut self.scratch;
-        let (gradient, workspace) = (&mut scratch.gradient, &mut scratch.workspace);
-        self.network.backward(&scratch.observation, &scratch.output_gradient, workspace, gradient);
+        let Scratch { workspace, observation, output_gradient, gradient, .. } = &mut self.scratch;
+        self.network.backward(observation, output_gradient, workspace, gradient);
         if !stats.loss.is_finite() || !all_finite(gradient) {
             return Err(UpdateError::NotFinite { update: self.updates() + 1, loss: stats.loss });
         }
@@ -206,46 +206,48 @@ impl Learner {
             let (to, from) = (row * inputs..(row + 1) * inputs, *slot * inputs..(*slot + 1) * inputs);
             scratch.observation[to.clone()].copy_from_slice(&replay.fields.observation[from.clone()]);
             scratch.next_observation[to].copy_from_slice(&replay.fields.next_observation[from]);
+            scratch.head_masks[row] = self.config.algorithm.learning_heads(replay.fields.bootstrap_mask[*slot]);
         }
     }
 
     /// Forward passes; the one that the backward pass goes back through comes last.
     fn evaluate(&mut self) {
-        let Scratch { workspace, observation, next_observation, online_next, target_next, q, .. } = &mut self.scratch;
+        let scratch = &mut self.scratch;
+        let (workspace, masks, next) = (&mut scratch.workspace, &scratch.head_masks, &scratch.next_observation);
         if self.config.algorithm.needs_online_next(&self.config) {
-            online_next.copy_from_slice(self.network.forward(next_observation, workspace));
+            replace(&mut scratch.online_next, self.network.forward_masked(next, masks, workspace));
         }
-        target_next.copy_from_slice(self.target.forward(next_observation, workspace));
-        q.copy_from_slice(self.network.forward(observation, workspace));
+        replace(&mut scratch.target_next, self.target.forward_masked(next, masks, workspace));
+        replace(&mut scratch.q, self.network.forward_masked(&scratch.observation, masks, workspace));
     }
 
-    /// Writes ∂L/∂q, K × batch × A: zero but at the actions taken.
+    /// Writes ∂L/∂q, laid out as the values: zero but at the actions taken. L is the sum over the heads of the Huber loss of
+    /// the rows each learns from, divided by the batch size.
     fn output_gradient(&mut self, replay: &ReplayBuffer) -> UpdateStats {
         let (config, actions, fields) = (&self.config, self.actions, &replay.fields);
         let (scratch, delta) = (&mut self.scratch, config.huber_delta as f32);
-        let batch = scratch.slots.len();
-        let (mut loss, mut sum_q) = (0.0, 0.0);
-        scratch.output_gradient.fill(0.0);
+        let (mut loss, mut sum_q, mut start) = (0.0, 0.0, 0);
+        scratch.output_gradient.clear();
+        scratch.output_gradient.resize(scratch.q.len(), 0.0);
         for head in 0..config.head_count() {
-            for (row, &slot) in scratch.slots.iter().enumerate() {
-                let start = (head * batch + row) * actions;
+            for &row in scratch.workspace.rows(head) {
+                let slot = scratch.slots[row];
                 let next = Next {
                     reward: fields.reward[slot],
                     discount: fields.discount[slot],
                     allowed: fields.next_action_mask[slot],
-                    online: &scratch.online_next[start..start + actions],
+                    online: scratch.online_next.get(start..start + actions).unwrap_or_default(),
                     target: &scratch.target_next[start..start + actions],
                 };
                 let taken = start + fields.action[slot] as usize;
+                let error = scratch.q[taken] - config.algorithm.target(&next, config);
+                scratch.output_gradient[taken] = clip(error, delta) / scratch.slots.len() as f32;
+                loss += f64::from(huber(error, delta));
                 sum_q += f64::from(scratch.q[taken]);
-                if config.algorithm.learns(head, fields.bootstrap_mask[slot]) {
-                    let error = scratch.q[taken] - config.algorithm.target(&next, config);
-                    loss += f64::from(huber(error, delta));
-                    scratch.output_gradient[taken] = clip(error, delta) / batch as f32;
-                }
+                start += actions;
             }
         }
-        let count = (config.head_count() * batch) as f64;
+        let count = (start / actions).max(1) as f64;
         UpdateStats { loss: loss / count, mean_q: sum_q / count }
     }
 }
@@ -257,15 +259,22 @@ impl Scratch {
         Self {
             workspace: Workspace::new(network, batch),
             slots: vec![0; batch],
+            head_masks: vec![0; batch],
             observation: vec![0.0; observations],
             next_observation: vec![0.0; observations],
-            online_next: vec![0.0; values],
-            target_next: vec![0.0; values],
-            q: vec![0.0; values],
-            output_gradient: vec![0.0; values],
+            online_next: Vec::with_capacity(values),
+            target_next: Vec::with_capacity(values),
+            q: Vec::with_capacity(values),
+            output_gradient: Vec::with_capacity(values),
             gradient: vec![0.0; network.parameters().len()],
         }
     }
+}
+
+/// Makes `to` a copy of `from` within the memory it has.
+fn replace(to: &mut Vec<f32>, from: &[f32]) {
+    to.clear();
+    to.extend_from_slice(from);
 }
 
 /// Loss of Huber (1964): quadratic up to `delta`, then linear.

@@ -4,6 +4,11 @@
 //! δ = ∂L/∂y of the last layer: ∂L/∂W = Σ x δ and ∂L/∂b = Σ δ over the batch, ∂L/∂x = Wᵀ δ where x > 0.
 //! Eq. 11 divides the gradients of the heads by K, which matters in the shared core only: under Adam a constant factor on a
 //! head's own gradient cancels. So the core's gradient is the sum over the heads divided by K, and heads keep their own.
+//!
+//! A head need not see the whole batch: the bootstrap mask of Eq. 9 leaves half of it to each head, and what a head does not
+//! learn from it does not evaluate either.
+
+use std::ops::Range;
 
 use crate::kernel::{Kernel, Matrix};
 use crate::random::Stream;
@@ -21,8 +26,16 @@ pub struct Ensemble {
 #[derive(Clone, Debug)]
 pub struct Workspace {
     capacity: usize,
-    /// For each layer: copies × rows × outputs.
+    /// Rows in the batch of the last forward pass.
+    batch: usize,
+    /// The rows of the batch that each head sees, head after head.
+    rows: Vec<usize>,
+    /// Where the rows of each head begin, and where the last ones end.
+    starts: Vec<usize>,
+    /// Outputs of each layer: batch × outputs in the core, rows of all heads × outputs in the heads.
     activations: Vec<Vec<f32>>,
+    /// What the heads' first layer reads, rows of all heads × inputs.
+    gathered: Vec<f32>,
     /// ∂L/∂y of one layer of one copy, and ∂L/∂x of the same.
     delta: Vec<f32>,
     next_delta: Vec<f32>,
@@ -34,11 +47,16 @@ pub struct Workspace {
 impl Workspace {
     /// A workspace for `network` and any other network of the same shape, for up to `capacity` rows.
     pub fn new(network: &Ensemble, capacity: usize) -> Self {
-        let layers = &network.layers;
+        let (layers, shape) = (&network.layers, &network.shape);
         let widest = layers.iter().map(|layer| layer.inputs.max(layer.outputs)).max().unwrap_or(1);
+        let all = shape.heads * capacity;
         Self {
             capacity,
+            batch: 0,
+            rows: Vec::with_capacity(all),
+            starts: Vec::with_capacity(shape.heads + 1),
             activations: layers.iter().map(|layer| vec![0.0; layer.copies * capacity * layer.outputs]).collect(),
+            gathered: vec![0.0; all * layers[shape.core.len()].inputs],
             delta: vec![0.0; capacity * widest],
             next_delta: vec![0.0; capacity * widest],
             core_delta: vec![0.0; capacity * widest],
@@ -49,6 +67,23 @@ impl Workspace {
     /// The largest batch that fits.
     pub fn capacity(&self) -> usize {
         self.capacity
+    }
+
+    /// The rows of the batch that `head` saw in the last forward pass, in the order of its outputs.
+    pub fn rows(&self, head: usize) -> &[usize] {
+        &self.rows[self.starts[head]..self.starts[head + 1]]
+    }
+
+    /// Lists the rows of each head: those of which `sees(head, row)` holds.
+    fn select(&mut self, heads: usize, batch: usize, sees: impl Fn(usize, usize) -> bool) {
+        self.batch = batch;
+        self.rows.clear();
+        self.starts.clear();
+        for head in 0..heads {
+            self.starts.push(self.rows.len());
+            self.rows.extend((0..batch).filter(|row| sees(head, *row)));
+        }
+        self.starts.push(self.rows.len());
     }
 }
 
@@ -101,60 +136,88 @@ impl Ensemble {
     /// # Panics
     /// If `inputs` is no whole number of rows or more rows than the workspace was made for.
     pub fn forward<'w>(&self, inputs: &[f32], workspace: &'w mut Workspace) -> &'w [f32] {
-        let rows = self.rows(inputs, workspace);
-        for (index, layer) in self.layers.iter().enumerate() {
-            let (before, after) = workspace.activations.split_at_mut(index);
-            for copy in 0..layer.copies {
-                let x = self.layer_input(index, copy, rows, inputs, before);
-                let size = rows * layer.outputs;
-                let y = &mut after[0][copy * size..(copy + 1) * size];
-                let biases = &self.parameters[layer.biases(copy)];
-                for row in y.chunks_exact_mut(layer.outputs) {
-                    row.copy_from_slice(biases);
-                }
-                let weights = Matrix::row_major(&self.parameters[layer.weights(copy)], layer.outputs);
-                workspace.kernel.add_product(Matrix::row_major(x, layer.inputs), weights, y);
-                if layer.rectified {
-                    // Written so that NaN stays NaN.
-                    for y in y {
-                        *y = if *y < 0.0 { 0.0 } else { *y };
-                    }
-                }
-            }
-        }
-        let last = self.layers.len() - 1;
-        &workspace.activations[last][..self.shape.heads * rows * self.shape.outputs]
+        let batch = self.batch(inputs, workspace);
+        workspace.select(self.shape.heads, batch, |_, _| true);
+        self.run(inputs, workspace)
     }
 
-    /// Writes ∂L/∂(parameters) into `gradient`, given `output_gradient` = ∂L/∂(outputs), K × B × A, of the `inputs` that
-    /// [`Self::forward`] last saw with this workspace and these parameters. The core's part is divided by K (Eq. 11).
+    /// Outputs of each head for those rows alone whose mask has the head's bit set (head 0 in the lowest): the rows of head 0
+    /// as listed by [`Workspace::rows`], × A, then those of head 1, and so on.
+    ///
+    /// # Panics
+    /// As [`Self::forward`], or if there is not one mask for each row.
+    pub fn forward_masked<'w>(&self, inputs: &[f32], masks: &[u32], workspace: &'w mut Workspace) -> &'w [f32] {
+        let batch = self.batch(inputs, workspace);
+        assert_eq!(masks.len(), batch, "one mask for each row");
+        workspace.select(self.shape.heads, batch, |head, row| masks[row] >> head & 1 == 1);
+        self.run(inputs, workspace)
+    }
+
+    fn run<'w>(&self, inputs: &[f32], workspace: &'w mut Workspace) -> &'w [f32] {
+        let core = self.shape.core.len();
+        for index in 0..core {
+            self.forward_layer(index, 0, inputs, workspace);
+        }
+        let width = self.layers[core].inputs;
+        let shared = if core == 0 { inputs } else { &workspace.activations[core - 1] };
+        for (to, row) in workspace.gathered.chunks_exact_mut(width).zip(&workspace.rows) {
+            to.copy_from_slice(&shared[row * width..(row + 1) * width]);
+        }
+        for index in core..self.layers.len() {
+            for head in 0..self.shape.heads {
+                self.forward_layer(index, head, inputs, workspace);
+            }
+        }
+        &workspace.activations[self.layers.len() - 1][..workspace.rows.len() * self.shape.outputs]
+    }
+
+    fn forward_layer(&self, index: usize, copy: usize, inputs: &[f32], workspace: &mut Workspace) {
+        let (layer, span) = (&self.layers[index], self.span(index, copy, workspace));
+        let (before, after) = workspace.activations.split_at_mut(index);
+        let x = &self.source(index, inputs, &workspace.gathered, before)[scaled(&span, layer.inputs)];
+        let y = &mut after[0][scaled(&span, layer.outputs)];
+        let biases = &self.parameters[layer.biases(copy)];
+        for row in y.chunks_exact_mut(layer.outputs) {
+            row.copy_from_slice(biases);
+        }
+        workspace.kernel.add_product(Matrix::new(x, span.len(), layer.inputs), self.weights(layer, copy), y);
+        if layer.rectified {
+            // Written so that NaN stays NaN.
+            for y in y {
+                *y = if *y < 0.0 { 0.0 } else { *y };
+            }
+        }
+    }
+
+    /// Writes ∂L/∂(parameters) into `gradient`, given `output_gradient` = ∂L/∂(outputs), laid out as the outputs of the last
+    /// forward pass, which must have been with this workspace, these `inputs` and these parameters. The core's part is
+    /// divided by K (Eq. 11).
     ///
     /// # Panics
     /// If a length does not fit the network or the last forward pass.
     pub fn backward(&self, inputs: &[f32], output_gradient: &[f32], workspace: &mut Workspace, gradient: &mut [f32]) {
-        let rows = self.rows(inputs, workspace);
+        assert_eq!(self.batch(inputs, workspace), workspace.batch, "the batch of the last forward pass");
         assert_eq!(gradient.len(), self.parameters.len(), "one gradient value for each parameter");
-        assert_eq!(output_gradient.len(), self.shape.heads * rows * self.shape.outputs, "K × B × A output gradients");
+        assert_eq!(output_gradient.len(), workspace.rows.len() * self.shape.outputs, "one value for each output");
         gradient.fill(0.0);
         let core = self.shape.core.len();
-        let core_width = self.layers[core].inputs;
-        workspace.core_delta[..rows * core_width].fill(0.0);
-        for (head, output_gradient) in output_gradient.chunks_exact(rows * self.shape.outputs).enumerate() {
-            workspace.delta[..output_gradient.len()].copy_from_slice(output_gradient);
+        let size = workspace.batch * self.layers[core].inputs;
+        workspace.core_delta[..size].fill(0.0);
+        for head in 0..self.shape.heads {
+            let span = scaled(&self.span(core, head, workspace), self.shape.outputs);
+            workspace.delta[..span.len()].copy_from_slice(&output_gradient[span]);
             for index in (core..self.layers.len()).rev() {
-                self.backward_layer((index, head), inputs, rows, workspace, gradient);
+                self.backward_layer(index, head, inputs, workspace, gradient);
             }
-            if core == 0 {
-                continue;
+            if core > 0 {
+                self.add_to_core(head, workspace);
             }
-            let shared = workspace.core_delta[..rows * core_width].iter_mut();
-            shared.zip(&workspace.delta).for_each(|(sum, delta)| *sum += delta);
         }
         let scale = 1.0 / self.shape.heads as f32;
-        let shared = workspace.delta.iter_mut().zip(&workspace.core_delta);
-        shared.take(rows * core_width).for_each(|(delta, sum)| *delta = scale * sum);
+        let shared = workspace.delta.iter_mut().zip(&workspace.core_delta[..size]);
+        shared.for_each(|(delta, sum)| *delta = scale * sum);
         for index in (0..core).rev() {
-            self.backward_layer((index, 0), inputs, rows, workspace, gradient);
+            self.backward_layer(index, 0, inputs, workspace, gradient);
         }
     }
 
@@ -162,57 +225,83 @@ impl Ensemble {
     /// layer before), with the rectifier of that layer undone, in `workspace.delta`.
     fn backward_layer(
         &self,
-        (index, copy): (usize, usize),
+        index: usize,
+        copy: usize,
         inputs: &[f32],
-        rows: usize,
         workspace: &mut Workspace,
         gradient: &mut [f32],
     ) {
-        let layer = &self.layers[index];
-        let x = self.layer_input(index, copy, rows, inputs, &workspace.activations);
-        let delta = &workspace.delta[..rows * layer.outputs];
-        let delta_matrix = Matrix::row_major(delta, layer.outputs);
-        let x_matrix = Matrix::row_major(x, layer.inputs).transposed();
-        workspace.kernel.add_product(x_matrix, delta_matrix, &mut gradient[layer.weights(copy)]);
+        let (layer, span) = (&self.layers[index], self.span(index, copy, workspace));
+        let source = self.source(index, inputs, &workspace.gathered, &workspace.activations);
+        let x = &source[scaled(&span, layer.inputs)];
+        let delta = Matrix::new(&workspace.delta, span.len(), layer.outputs);
+        let turned = Matrix::new(x, span.len(), layer.inputs).transposed();
+        workspace.kernel.add_product(turned, delta, &mut gradient[layer.weights(copy)]);
         let bias_gradient = &mut gradient[layer.biases(copy)];
-        for row in delta.chunks_exact(layer.outputs) {
+        for row in workspace.delta.chunks_exact(layer.outputs).take(span.len()) {
             bias_gradient.iter_mut().zip(row).for_each(|(sum, delta)| *sum += delta);
         }
         if index == 0 {
             return;
         }
-        let next = &mut workspace.next_delta[..rows * layer.inputs];
+        let next = &mut workspace.next_delta[..x.len()];
         next.fill(0.0);
-        let weights = Matrix::row_major(&self.parameters[layer.weights(copy)], layer.outputs).transposed();
-        workspace.kernel.add_product(delta_matrix, weights, next);
+        workspace.kernel.add_product(delta, self.weights(layer, copy).transposed(), next);
         next.iter_mut().zip(x).for_each(|(delta, x)| *delta = if *x > 0.0 { *delta } else { 0.0 });
         std::mem::swap(&mut workspace.delta, &mut workspace.next_delta);
     }
 
-    /// What a copy of a layer reads, rows × layer inputs: the network's input, the shared core or its own head's last layer.
-    fn layer_input<'a>(
-        &self,
-        index: usize,
-        copy: usize,
-        rows: usize,
-        inputs: &'a [f32],
-        activations: &'a [Vec<f32>],
-    ) -> &'a [f32] {
-        if index == 0 {
-            return inputs;
+    /// Adds a head's ∂L/∂(output of the core) in `workspace.delta` to the rows of the batch that it saw.
+    fn add_to_core(&self, head: usize, workspace: &mut Workspace) {
+        let width = self.layers[self.shape.core.len()].inputs;
+        let rows = &workspace.rows[workspace.starts[head]..workspace.starts[head + 1]];
+        for (row, delta) in rows.iter().zip(workspace.delta.chunks_exact(width)) {
+            let sums = &mut workspace.core_delta[row * width..(row + 1) * width];
+            sums.iter_mut().zip(delta).for_each(|(sum, delta)| *sum += delta);
         }
-        let before = &self.layers[index - 1];
-        let copy = if before.copies == 1 { 0 } else { copy };
-        let size = rows * before.outputs;
-        &activations[index - 1][copy * size..(copy + 1) * size]
     }
 
-    fn rows(&self, inputs: &[f32], workspace: &Workspace) -> usize {
+    /// The rows of a layer's inputs and outputs that belong to one copy.
+    fn span(&self, index: usize, copy: usize, workspace: &Workspace) -> Range<usize> {
+        if index < self.shape.core.len() {
+            0..workspace.batch
+        } else {
+            workspace.starts[copy]..workspace.starts[copy + 1]
+        }
+    }
+
+    /// What all copies of a layer read: the network's input, the rows gathered for the heads or the layer before.
+    fn source<'a>(
+        &self,
+        index: usize,
+        inputs: &'a [f32],
+        gathered: &'a [f32],
+        activations: &'a [Vec<f32>],
+    ) -> &'a [f32] {
+        if index == self.shape.core.len() {
+            gathered
+        } else if index == 0 {
+            inputs
+        } else {
+            &activations[index - 1]
+        }
+    }
+
+    fn weights(&self, layer: &Layer, copy: usize) -> Matrix<'_> {
+        Matrix::new(&self.parameters[layer.weights(copy).start..], layer.inputs, layer.outputs)
+    }
+
+    fn batch(&self, inputs: &[f32], workspace: &Workspace) -> usize {
         let rows = inputs.len() / self.shape.inputs;
         assert_eq!(rows * self.shape.inputs, inputs.len(), "whole rows of {} inputs", self.shape.inputs);
         assert!((1..=workspace.capacity).contains(&rows), "{rows} rows in a workspace for {}", workspace.capacity);
         rows
     }
+}
+
+/// The values of a span of rows of `width` values.
+fn scaled(rows: &Range<usize>, width: usize) -> Range<usize> {
+    rows.start * width..rows.end * width
 }
 
 #[cfg(test)]
@@ -293,6 +382,29 @@ mod tests {
                 assert_eq!(&q[start..start + 15], &alone[head * 15..(head + 1) * 15]);
             }
         }
+    }
+
+    #[test]
+    fn a_masked_pass_is_the_full_pass_without_the_rows_not_seen() {
+        let shape = NetShape { inputs: 5, core: vec![20], head: vec![17, 9], outputs: 3, heads: 4 };
+        let mut stream = Stream::new(8, "masks");
+        let network = Ensemble::new(shape, &mut stream).unwrap();
+        let x = random(&mut stream, 11 * 5);
+        // Head 2 sees nothing, head 3 everything.
+        let masks: Vec<u32> = (0..11).map(|_| 0b1000 | stream.below(4) as u32).collect();
+        let sees = |head: usize, row: usize| masks[row] >> head & 1 == 1;
+        let mut workspace = Workspace::new(&network, 11);
+        let mut gradients = [vec![0.0; network.parameters().len()], vec![0.0; network.parameters().len()]];
+        let full = network.forward(&x, &mut workspace).to_vec();
+        let output_gradient = |index: usize| if sees(index / 33, index / 3 % 11) { full[index] } else { 0.0 };
+        let all: Vec<f32> = (0..full.len()).map(output_gradient).collect();
+        network.backward(&x, &all, &mut workspace, &mut gradients[0]);
+        let masked = network.forward_masked(&x, &masks, &mut workspace).to_vec();
+        assert!(workspace.rows(2).is_empty() && workspace.rows(3).len() == 11);
+        let seen: Vec<f32> = (0..full.len()).filter(|i| sees(i / 33, i / 3 % 11)).map(|i| full[i]).collect();
+        assert_eq!(masked, seen);
+        network.backward(&x, &masked, &mut workspace, &mut gradients[1]);
+        assert_eq!(gradients[0], gradients[1]);
     }
 
     #[test]

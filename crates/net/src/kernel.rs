@@ -24,10 +24,9 @@ pub(crate) struct Matrix<'a> {
 }
 
 impl<'a> Matrix<'a> {
-    /// A row-major matrix with `columns` columns and as many rows as the data fill.
-    pub(crate) fn row_major(data: &'a [f32], columns: usize) -> Self {
-        let rows = data.len() / columns;
-        debug_assert_eq!(rows * columns, data.len());
+    /// A row-major matrix at the beginning of `data`; what follows it may be read, but never counts.
+    pub(crate) fn new(data: &'a [f32], rows: usize, columns: usize) -> Self {
+        debug_assert!(rows * columns <= data.len());
         Self { data, rows, columns, row_stride: columns, column_stride: 1 }
     }
 
@@ -63,6 +62,9 @@ impl Kernel {
 
     /// C += A·B with `c` row-major and dense.
     pub(crate) fn add_product(&mut self, a: Matrix<'_>, b: Matrix<'_>, c: &mut [f32]) {
+        if a.rows == 0 || a.columns == 0 {
+            return;
+        }
         debug_assert_eq!(a.columns, b.rows);
         debug_assert_eq!(a.rows * b.columns, c.len());
         debug_assert!(a.columns * MAX_PANEL_COLUMNS <= self.panel.len());
@@ -112,7 +114,9 @@ impl Product<'_> {
     #[inline(always)]
     fn panel<S: Simd, const ROWS: usize, const VECTORS: usize>(&mut self, simd: S, first: usize, width: usize) {
         let padded = VECTORS * S::F32_LANES;
-        let in_place = self.b.column_stride == 1 && width == padded;
+        // A vector may reach beyond its row of B as long as it stays inside the data: those lanes are dropped.
+        let end = (self.b.rows - 1) * self.b.row_stride + first + padded;
+        let in_place = self.b.column_stride == 1 && end <= self.b.data.len();
         if !in_place {
             pack(self.b, first, width, &mut self.scratch[..self.b.rows * padded]);
         }
@@ -241,13 +245,17 @@ mod tests {
             let start = random(&mut stream, rows * columns);
             let mut expected = start.clone();
             by_definition(&a, &b, &mut expected, depth, columns);
+            // Whatever follows a matrix in memory must not show.
+            let followed = [b.as_slice(), &[f32::NAN; 64]].concat();
             let (a_t, b_t) = (transpose(&a, depth), transpose(&b, columns));
             for arch in archs() {
                 let mut kernel = Kernel::with_arch(depth, arch);
-                let (plain_a, plain_b) = (Matrix::row_major(&a, depth), Matrix::row_major(&b, columns));
-                let turned_a = Matrix::row_major(&a_t, rows).transposed();
-                let turned_b = Matrix::row_major(&b_t, depth).transposed();
-                for (a, b) in [(plain_a, plain_b), (turned_a, plain_b), (plain_a, turned_b)] {
+                let (plain_a, plain_b) = (Matrix::new(&a, rows, depth), Matrix::new(&b, depth, columns));
+                let turned_a = Matrix::new(&a_t, depth, rows).transposed();
+                let turned_b = Matrix::new(&b_t, columns, depth).transposed();
+                let followed_b = Matrix::new(&followed, depth, columns);
+                let pairs = [(plain_a, plain_b), (turned_a, plain_b), (plain_a, turned_b), (plain_a, followed_b)];
+                for (a, b) in pairs {
                     let mut c = start.clone();
                     kernel.add_product(a, b, &mut c);
                     assert_eq!(c, expected, "{arch:?} {rows}×{depth}×{columns}");

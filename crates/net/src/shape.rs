@@ -16,7 +16,7 @@ pub struct NetShape {
     pub head: Vec<usize>,
     /// Outputs of each head.
     pub outputs: usize,
-    /// Number of heads.
+    /// Number of heads, at most 32.
     pub heads: usize,
 }
 
@@ -44,8 +44,14 @@ pub enum ShapeError {
     },
 }
 
-/// The largest width of a layer, and the largest number of heads.
+/// The largest width of a layer.
 const MAX_WIDTH: usize = 65_536;
+/// A mask of heads has 32 bits.
+const MAX_HEADS: usize = 32;
+
+fn check(what: &'static str, found: usize, max: usize) -> Result<(), ShapeError> {
+    if (1..=max).contains(&found) { Ok(()) } else { Err(ShapeError::Width { what, found, max }) }
+}
 
 /// A named tensor inside the parameter vector.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -89,15 +95,11 @@ impl Layer {
 impl NetShape {
     /// Checks that every width is at least 1 and none is absurd.
     pub fn validate(&self) -> Result<(), ShapeError> {
-        let check = |what, found| {
-            let fits = (1..=MAX_WIDTH).contains(&found);
-            if fits { Ok(()) } else { Err(ShapeError::Width { what, found, max: MAX_WIDTH }) }
-        };
-        check("number of inputs", self.inputs)?;
-        check("number of outputs", self.outputs)?;
-        check("number of heads", self.heads)?;
-        self.core.iter().try_for_each(|width| check("core layer width", *width))?;
-        self.head.iter().try_for_each(|width| check("head layer width", *width))
+        check("number of inputs", self.inputs, MAX_WIDTH)?;
+        check("number of outputs", self.outputs, MAX_WIDTH)?;
+        check("number of heads", self.heads, MAX_HEADS)?;
+        self.core.iter().try_for_each(|width| check("core layer width", *width, MAX_WIDTH))?;
+        self.head.iter().try_for_each(|width| check("head layer width", *width, MAX_WIDTH))
     }
 
     /// Length of the parameter vector.
