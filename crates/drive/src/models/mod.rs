@@ -1,1 +1,5 @@
 //! Pure formulas over gaps and speeds: car following, lane choice, safe distances. They know no world.
+
+pub mod idm;
+pub mod mobil;
+pub mod safe_distance;

@@ -1,1 +1,17 @@
-//! The world: vehicles, their collisions, and any number of externally driven cars.
+//! The world: vehicles, their collisions, and an externally driven ego.
+//!
+//! Human drivers follow IDM and MOBIL and are safe by construction: over IDM lies a cap that keeps every distance safe
+//! ([`crate::models::safe_distance`]), and a lane change starts only if it leaves all distances safe. A vehicle that changes lane
+//! occupies both lanes from start to end, so that two that swap lanes never lose sight of each other. Among human drivers
+//! therefore nobody ever touches anybody, whatever the ego does: its presence adds a leader but never hides one.
+
+mod collision;
+mod fleet;
+mod lane_choice;
+mod neighbors;
+mod placement;
+mod world;
+
+pub use collision::{Collision, FaultClass};
+pub use fleet::Vehicle;
+pub use world::{ExternalBody, StepEvents, World};

@@ -1,0 +1,164 @@
+//! When human drivers change lane: MOBIL for the wish, the law of the safe distance for the permission.
+
+use super::World;
+use super::fleet::{LaneChange, steps};
+use crate::models::idm::{IdmParams, idm_accel, idm_free_accel};
+use crate::models::mobil::{AccelChange, MobilParams, MobilSituation, mobil_gain};
+use crate::road::{LaneIndex, Side};
+
+/// Reaction that a courteous driver grants an ego behind it, s: a control step and drive lag of 0.3 s, then the mean delay of a
+/// braking force that builds up at 25 m/s³ to 8 m/s².
+const COURTEOUS_REACTION_S: f64 = 0.46;
+
+/// Another vehicle in a lane, seen from the vehicle that may change.
+#[derive(Clone, Copy)]
+struct Other {
+    gap_m: f64,
+    speed_mps: f64,
+    /// How it follows; for the ego an estimate.
+    driver: IdmParams,
+}
+
+impl World {
+    /// Lets every driver whose turn it is look at the lanes beside it, by rising id: a claim is seen by all later ones. Returns the
+    /// number of changes started.
+    pub(super) fn choose_lanes(&mut self, dt_s: f64) -> u32 {
+        let period = u64::from(steps(self.traffic.lane_decision_period_s, dt_s));
+        let first = (period - self.time_step % period) % period;
+        let mut started = 0;
+        for i in (first as usize..self.fleet.len()).step_by(period as usize) {
+            let fleet = &self.fleet;
+            let busy = fleet.lane[i] != fleet.target_lane[i] || fleet.cooldown_steps[i] > 0 || fleet.brake_steps[i] > 0;
+            if busy {
+                continue;
+            }
+            if let Some(lane) = self.best_lane(i) {
+                self.start_change(i, lane, dt_s);
+                started += 1;
+            }
+        }
+        started
+    }
+
+    fn start_change(&mut self, i: usize, lane: u8, dt_s: f64) {
+        self.neighbors.claim(i, lane, &self.fleet);
+        let total_steps = steps(self.traffic.lane_change_duration_s, dt_s);
+        self.fleet.target_lane[i] = lane;
+        self.fleet.change[i] = LaneChange { done_steps: 0, total_steps };
+        self.fleet.cooldown_steps[i] = steps(self.traffic.lane_change_cooldown_s, dt_s).max(total_steps);
+        self.fleet.since_change_steps[i] = 0;
+    }
+
+    /// The lane beside that is safe and pays most; of equal ones the left.
+    fn best_lane(&self, i: usize) -> Option<u8> {
+        let mut best: Option<(f64, u8)> = None;
+        for side in Side::BOTH {
+            let Some(LaneIndex(lane)) = self.road.beside(LaneIndex(self.fleet.lane[i]), side) else { continue };
+            if !self.is_safe(i, lane) {
+                continue;
+            }
+            let Some(gain_mps2) = self.gain_mps2(i, lane) else { continue };
+            if best.is_none_or(|(most_mps2, _)| gain_mps2 > most_mps2) {
+                best = Some((gain_mps2, lane));
+            }
+        }
+        best.map(|(_, lane)| lane)
+    }
+
+    /// Whether `i` in `lane` would be safe behind its leaders and its followers behind it.
+    fn is_safe(&self, i: usize, lane: u8) -> bool {
+        let speed_mps = self.fleet.speed_mps[i];
+        let ahead_is_safe = self.neighbors.ahead(i, lane).is_none_or(|j| {
+            self.gap_m(i, j) >= self.limits(i, false).required_gap_m(speed_mps, self.fleet.speed_mps[j])
+        });
+        let behind_is_safe = self.neighbors.behind(i, lane).is_none_or(|j| {
+            self.gap_m(j, i) >= self.limits(j, false).required_gap_m(self.fleet.speed_mps[j], speed_mps)
+        });
+        ahead_is_safe && behind_is_safe && self.is_safe_for_ego(i, lane)
+    }
+
+    fn is_safe_for_ego(&self, i: usize, lane: u8) -> bool {
+        let Some(ego) = self.ego.as_ref().filter(|ego| ego.occupies(lane)) else { return true };
+        let speed_mps = self.fleet.speed_mps[i];
+        let (ahead, gap_m) = self.ego_gap_m(i, ego);
+        if ahead {
+            return gap_m >= self.limits(i, true).required_gap_m(speed_mps, ego.speed_mps);
+        }
+        // The ego brakes at least as hard as human drivers do.
+        let reaction_s = if self.traffic.courteous { COURTEOUS_REACTION_S } else { 0.0 };
+        let hardest_mps2 = self.traffic.hardest_brake_mps2(self.road.adhesion());
+        let limits = self.traffic.braking_limits(hardest_mps2, false, self.road.adhesion());
+        gap_m >= limits.required_gap_m(ego.speed_mps, speed_mps) + reaction_s * ego.speed_mps
+    }
+
+    fn gain_mps2(&self, i: usize, lane: u8) -> Option<f64> {
+        let own_lane = self.fleet.lane[i];
+        let me = Other { gap_m: 0.0, speed_mps: self.fleet.speed_mps[i], driver: self.fleet.driver[i] };
+        let length_m = 2.0 * self.fleet.half_length_m[i];
+        let (front, new_front) = (self.front(i, own_lane), self.front(i, lane));
+        let with_me = |rear: &Other| accel_behind(rear, Some((rear.gap_m, me.speed_mps)));
+        let without_me = |rear: &Other, front: &Option<Other>| {
+            accel_behind(rear, front.map(|front| (rear.gap_m + length_m + front.gap_m, front.speed_mps)))
+        };
+        let own = |front: &Option<Other>| accel_behind(&me, front.map(|front| (front.gap_m, front.speed_mps)));
+        let situation = MobilSituation {
+            changer: AccelChange { keep_mps2: own(&front), change_mps2: own(&new_front) },
+            new_follower: self.rear(i, lane).map_or_else(AccelChange::default, |rear| AccelChange {
+                keep_mps2: without_me(&rear, &new_front),
+                change_mps2: with_me(&rear),
+            }),
+            old_follower: self.rear(i, own_lane).map_or_else(AccelChange::default, |rear| AccelChange {
+                keep_mps2: with_me(&rear),
+                change_mps2: without_me(&rear, &front),
+            }),
+        };
+        let traffic = &self.traffic;
+        let params = MobilParams {
+            politeness: traffic.politeness,
+            accel_gain_threshold_mps2: traffic.accel_gain_threshold_mps2,
+            safe_decel_mps2: traffic.safe_decel_mps2,
+        };
+        mobil_gain(&situation, &params)
+    }
+
+    /// The nearest ahead of `i` in `lane`, the ego included.
+    fn front(&self, i: usize, lane: u8) -> Option<Other> {
+        let human = self.neighbors.ahead(i, lane).map(|j| self.other(j, self.gap_m(i, j)));
+        nearer(human, self.ego_as_other(i, lane, true))
+    }
+
+    /// The nearest behind `i` in `lane`, the ego included.
+    fn rear(&self, i: usize, lane: u8) -> Option<Other> {
+        let human = self.neighbors.behind(i, lane).map(|j| self.other(j, self.gap_m(j, i)));
+        nearer(human, self.ego_as_other(i, lane, false))
+    }
+
+    fn other(&self, j: usize, gap_m: f64) -> Other {
+        Other { gap_m, speed_mps: self.fleet.speed_mps[j], driver: self.fleet.driver[j] }
+    }
+
+    /// The ego, if it is in `lane` and on the wanted side; it is taken for a driver like `i` who wants no less than its speed.
+    fn ego_as_other(&self, i: usize, lane: u8, wanted_ahead: bool) -> Option<Other> {
+        let ego = self.ego.as_ref().filter(|ego| ego.occupies(lane))?;
+        let (ahead, gap_m) = self.ego_gap_m(i, ego);
+        let own = self.fleet.driver[i];
+        let driver = IdmParams { desired_speed_mps: own.desired_speed_mps.max(ego.speed_mps), ..own };
+        (ahead == wanted_ahead).then_some(Other { gap_m, speed_mps: ego.speed_mps, driver })
+    }
+}
+
+fn nearer(a: Option<Other>, b: Option<Other>) -> Option<Other> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(if b.gap_m < a.gap_m { b } else { a }),
+        (a, b) => a.or(b),
+    }
+}
+
+/// IDM behind a leader given by gap and speed, or on a free road.
+fn accel_behind(follower: &Other, leader: Option<(f64, f64)>) -> f64 {
+    let speed_mps = follower.speed_mps;
+    leader.map_or_else(
+        || idm_free_accel(speed_mps, &follower.driver),
+        |(gap_m, leader_mps)| idm_accel(gap_m, speed_mps, speed_mps - leader_mps, &follower.driver),
+    )
+}
