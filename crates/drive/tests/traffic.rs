@@ -82,11 +82,11 @@ impl Tally {
             self.vehicle_steps += 1;
             self.below_4 += u64::from(vehicle.accel_mps2 < -4.0);
             self.below_6 += u64::from(vehicle.accel_mps2 < -6.0);
-            // Rounding of one subtraction and one division.
-            self.too_hard += u64::from(!(vehicle.accel_mps2 >= -hardest_mps2 - 1e-9));
-            self.reversing += u64::from(!(vehicle.speed_mps >= 0.0));
+            // Rounding of one subtraction and one division; a NaN is in no range.
+            self.too_hard += u64::from(!(-hardest_mps2 - 1e-9..10.0).contains(&vehicle.accel_mps2));
+            self.reversing += u64::from(!(0.0..60.0).contains(&vehicle.speed_mps));
             let half_m = 0.5 * vehicle.width_m;
-            self.off_road += u64::from(!(vehicle.d_m - half_m >= right_m && vehicle.d_m + half_m <= left_m));
+            self.off_road += u64::from(!(right_m + half_m..=left_m - half_m).contains(&vehicle.d_m));
         }
     }
 

@@ -347,7 +347,9 @@ impl World {
         if let Some(ego) = &self.ego {
             let body = &ego.body;
             let values = [body.s_m, body.d_m, body.heading_rad, body.speed_mps, body.accel_mps2];
-            values.iter().for_each(|value| add(value.to_bits()));
+            for value in values {
+                add(value.to_bits());
+            }
             add(u64::from(ego.since_change_steps) << 32
                 | u64::from(ego.lane_bits) << 8
                 | u64::from(body.target_lane.0));
@@ -356,7 +358,9 @@ impl World {
         for i in 0..fleet.len() {
             let values =
                 [fleet.s_m[i], fleet.d_m[i], fleet.speed_mps[i], fleet.lateral_speed_mps[i], fleet.accel_mps2[i]];
-            values.iter().for_each(|value| add(value.to_bits()));
+            for value in values {
+                add(value.to_bits());
+            }
             add(u64::from(fleet.lane[i]) << 8 | u64::from(fleet.target_lane[i]));
             add(u64::from(fleet.change[i].done_steps) << 32 | u64::from(fleet.change[i].total_steps));
             add(u64::from(fleet.cooldown_steps[i]) << 32 | u64::from(fleet.since_change_steps[i]));
