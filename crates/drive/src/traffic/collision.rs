@@ -62,6 +62,10 @@ impl FaultClass {
 /// changed in the step, taken as a straight line; `reach_m`: sums of the half lengths and of the half widths. Edges that only
 /// meet do not touch.
 pub(super) fn touch_in_step(end_m: (f64, f64), moved_m: (f64, f64), reach_m: (f64, f64)) -> bool {
+    // Most pairs are far apart, and division is slow.
+    if end_m.0.abs() >= reach_m.0 + moved_m.0.abs() || end_m.1.abs() >= reach_m.1 + moved_m.1.abs() {
+        return false;
+    }
     let along = within(end_m.0, moved_m.0, reach_m.0);
     let across = within(end_m.1, moved_m.1, reach_m.1);
     along.0.max(across.0) < along.1.min(across.1)

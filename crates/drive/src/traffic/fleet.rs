@@ -121,7 +121,7 @@ impl Fleet {
     }
 
     /// Moves vehicle `i` through a step at its acceleration, and sideways along its change.
-    pub(super) fn advance(&mut self, i: usize, road: &Road, dt_s: f64) {
+    pub(super) fn advance(&mut self, i: usize, road: &Road, ring_m: f64, dt_s: f64) {
         let speed_mps = self.speed_mps[i];
         let (moved_m, next_mps) = ballistic_step(speed_mps, self.accel_mps2[i], dt_s);
         self.speed_mps[i] = next_mps;
@@ -129,7 +129,8 @@ impl Fleet {
         if next_mps == 0.0 {
             self.accel_mps2[i] = -speed_mps / dt_s + 0.0;
         }
-        self.s_m[i] = road.wrap_m(self.s_m[i] + moved_m);
+        let s_m = self.s_m[i] + moved_m;
+        self.s_m[i] = if s_m >= ring_m { s_m - ring_m } else { s_m };
         let before_m = self.d_m[i];
         if self.change[i].total_steps > 0 {
             self.advance_change(i, road, dt_s);

@@ -95,6 +95,8 @@ pub struct World {
     pub(super) neighbors: Neighbors,
     pub(super) ego: Option<Ego>,
     pub(super) time_step: u64,
+    /// How hard a human driver, and the ego, are trusted to brake at most.
+    trust: [BrakingLimits; 2],
     /// Length of the ring, infinite on an open road, m.
     ring_m: f64,
     seed: u64,
@@ -119,6 +121,7 @@ impl World {
             ego: None,
             time_step: 0,
             ring_m: if ring { scenario.road.config().length_m } else { f64::INFINITY },
+            trust: [false, true].map(|ego| scenario.traffic.braking_limits(0.0, ego, scenario.road.adhesion())),
             seed: scenario.seed,
             ego_start: (0.0, LaneIndex(0), 0.0),
         };
@@ -148,16 +151,12 @@ impl World {
         self.start_stress_brakes(dt_s);
         let (lane_changes, hdv_overlaps) = self.step_humans(dt_s);
         let mut next = Ego::new(ego, &self.road);
-        let moved_m = self.ego.as_ref().map_or((0.0, 0.0), |last| {
-            let crossed = self.road.nearest_lane(last.body.d_m) != self.road.nearest_lane(ego.d_m);
-            let changed = crossed || last.body.target_lane != ego.target_lane;
-            next.since_change_steps = if changed { 0 } else { last.since_change_steps.saturating_add(1) };
-            // Contact is judged with the larger of the two boxes.
-            next.half_m = (next.half_m.0.max(last.half_m.0), next.half_m.1.max(last.half_m.1));
-            (self.signed_ahead_m(last.body.s_m, next.body.s_m), next.body.d_m - last.body.d_m)
-        });
-        let collision = self.find_collision(&next, moved_m, dt_s);
-        self.ego = Some(Ego { since_change_steps: next.since_change_steps, ..Ego::new(ego, &self.road) });
+        let last = self.ego.take().unwrap_or_else(|| next.clone());
+        let crossed = self.road.nearest_lane(last.body.d_m) != self.road.nearest_lane(ego.d_m);
+        let changed = crossed || last.body.target_lane != ego.target_lane;
+        next.since_change_steps = if changed { 0 } else { last.since_change_steps.saturating_add(1) };
+        let collision = self.find_collision(&last, &next, dt_s);
+        self.ego = Some(next);
         self.time_step += 1;
         StepEvents { collision, hdv_overlaps, lane_changes }
     }
@@ -170,7 +169,7 @@ impl World {
             self.fleet.accel_mps2[i] = self.demand_mps2(i, dt_s);
         }
         for i in 0..self.fleet.len() {
-            self.fleet.advance(i, &self.road, dt_s);
+            self.fleet.advance(i, &self.road, self.ring_m, dt_s);
         }
         self.neighbors.sort(&self.fleet);
         (lane_changes, self.count_overlaps())
@@ -232,16 +231,14 @@ impl World {
         let longest_m = fleet.half_length_m.iter().copied().fold(0.0, f64::max);
         let fastest_m = fleet.moved_m.iter().map(|moved| moved.0).fold(0.0, f64::max);
         let mut overlaps = 0;
-        for k in 0..order.len() {
-            let i = order[k] as usize;
+        for (k, &i) in order.iter().enumerate() {
+            let i = i as usize;
             let reach_m = fleet.half_length_m[i] + longest_m + fastest_m;
-            for step in 1..order.len() {
-                if k + step >= order.len() && self.ring_m.is_infinite() {
-                    break;
-                }
-                let j = order[(k + step) % order.len()] as usize;
+            // On a ring the last is followed by the first; on an open road those are behind, which ends the search as well.
+            for &j in order[k + 1..].iter().chain(&order[..k]) {
+                let j = j as usize;
                 let ahead_m = self.ahead_m(fleet.s_m[i], fleet.s_m[j]);
-                if ahead_m >= reach_m {
+                if !(0.0..reach_m).contains(&ahead_m) {
                     break;
                 }
                 let end_m = (ahead_m, fleet.d_m[j] - fleet.d_m[i]);
@@ -255,13 +252,16 @@ impl World {
     }
 
     /// The first vehicle, by id, that the ego touched in the step.
-    fn find_collision(&self, ego: &Ego, moved_m: (f64, f64), dt_s: f64) -> Option<Collision> {
+    fn find_collision(&self, last: &Ego, ego: &Ego, dt_s: f64) -> Option<Collision> {
         let fleet = &self.fleet;
+        let ego_moved_m = (self.signed_ahead_m(last.body.s_m, ego.body.s_m), ego.body.d_m - last.body.d_m);
+        // The larger of the boxes before and after.
+        let half_m = (ego.half_m.0.max(last.half_m.0), ego.half_m.1.max(last.half_m.1));
         let with = (0..fleet.len()).find(|&i| {
             let end_m = (self.signed_ahead_m(ego.body.s_m, fleet.s_m[i]), fleet.d_m[i] - ego.body.d_m);
-            let moved_m = (fleet.moved_m[i].0 - moved_m.0, fleet.moved_m[i].1 - moved_m.1);
-            let reach_m = (fleet.half_length_m[i] + ego.half_m.0, fleet.half_width_m[i] + ego.half_m.1);
-            end_m.0.abs() < reach_m.0 + moved_m.0.abs() && touch_in_step(end_m, moved_m, reach_m)
+            let moved_m = (fleet.moved_m[i].0 - ego_moved_m.0, fleet.moved_m[i].1 - ego_moved_m.1);
+            let reach_m = (fleet.half_length_m[i] + half_m.0, fleet.half_width_m[i] + half_m.1);
+            touch_in_step(end_m, moved_m, reach_m)
         })?;
         let since_s = |count: u32| if count == u32::MAX { f64::INFINITY } else { f64::from(count) * dt_s };
         let other_ahead = self.signed_ahead_m(ego.body.s_m, fleet.s_m[with]) >= 0.0;
@@ -272,7 +272,7 @@ impl World {
 
     /// The law of the safe distance for vehicle `i`.
     pub(super) fn limits(&self, i: usize, behind_ego: bool) -> BrakingLimits {
-        self.traffic.braking_limits(self.fleet.max_brake_mps2[i], behind_ego, self.road.adhesion())
+        BrakingLimits { follower_mps2: self.fleet.max_brake_mps2[i], ..self.trust[usize::from(behind_ego)] }
     }
 
     /// How far `to_m` lies ahead, never behind on a ring, m. Both positions are wrapped.
