@@ -348,3 +348,65 @@ fn files_survive_a_round_trip() {
         assert_eq!(ScenarioFile::from_toml(&written).expect("valid"), file);
     }
 }
+
+/// The acceleration that IDM gives a fast driver in `lane`, and whether the vehicle behind would have to brake harder than 3 m/s².
+fn view(world: &World, body: &ExternalBody, lane: LaneIndex, driver: &IdmParams) -> (f64, bool) {
+    let (mut accel_mps2, mut free) = (idm_accel(f64::INFINITY, body.speed_mps, 0.0, driver), true);
+    for vehicle in world.vehicles().filter(|vehicle| vehicle.lane == lane || vehicle.target_lane == lane) {
+        let ahead_m = world.road().ahead_m(body.s_m, vehicle.s_m);
+        let gap_m = ahead_m.abs() - 0.5 * (vehicle.length_m + body.length_m);
+        if ahead_m >= 0.0 {
+            accel_mps2 = accel_mps2.min(idm_accel(gap_m, body.speed_mps, body.speed_mps - vehicle.speed_mps, driver));
+        } else {
+            free &= idm_accel(gap_m, vehicle.speed_mps, vehicle.speed_mps - body.speed_mps, driver) > -3.0;
+        }
+    }
+    (accel_mps2, free)
+}
+
+/// Times at which a fast driver changes lane because the acceleration there is larger by 0.3 m/s².
+fn changes_of_a_fast_driver(world: &mut World, mut body: ExternalBody, steps: u32) -> Vec<f64> {
+    let driver = IdmParams {
+        desired_speed_mps: 33.3,
+        time_headway_s: 0.8,
+        min_gap_m: 2.0,
+        max_accel_mps2: 2.0,
+        comfort_decel_mps2: 3.0,
+    };
+    let mut times_s = Vec::new();
+    let (mut from, mut change_step) = (body.target_lane, 50);
+    for step in 0..steps {
+        if change_step >= 50 && step % 10 == 0 {
+            let (keep_mps2, _) = view(world, &body, body.target_lane, &driver);
+            let beside = [1, -1].map(|side| LaneIndex((body.target_lane.0 as i8 + side).clamp(0, 2) as u8));
+            let best = beside.into_iter().map(|lane| (view(world, &body, lane, &driver), lane));
+            let best = best.filter(|((_, free), _)| *free).max_by(|a, b| a.0.0.total_cmp(&b.0.0));
+            if let Some(((accel_mps2, _), lane)) = best.filter(|((accel_mps2, _), _)| *accel_mps2 > keep_mps2 + 0.3) {
+                (from, change_step, body.target_lane) = (body.target_lane, 0, lane);
+                times_s.push(f64::from(step) * DT_S);
+            }
+        }
+        change_step = (change_step + 1).min(50);
+        let t = f64::from(change_step) / 50.0;
+        let (from_m, to_m) = (world.road().lane_center_m(from), world.road().lane_center_m(body.target_lane));
+        body.d_m = from_m + (to_m - from_m) * t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
+        let mut accel_mps2 = view(world, &body, body.target_lane, &driver).0;
+        if change_step < 25 {
+            accel_mps2 = accel_mps2.min(view(world, &body, from, &driver).0);
+        }
+        let speed_mps = (body.speed_mps + accel_mps2.max(-7.5) * DT_S).max(0.0);
+        body.s_m += 0.5 * (body.speed_mps + speed_mps) * DT_S;
+        body.speed_mps = speed_mps;
+        assert_eq!(world.step(body, DT_S).collision, None);
+    }
+    times_s
+}
+
+#[test]
+fn four_lane_changes_pay_in_the_overtaking_scene() {
+    let file = ScenarioFile::from_toml(SCENARIOS[3].1).expect("valid");
+    let (mut world, body) = start(&file.scenario(0).expect("possible"));
+    let times_s = changes_of_a_fast_driver(&mut world, body, 500);
+    assert!(times_s.len() >= 4, "changes at {times_s:?} s only");
+    assert!(times_s[3] < 25.0, "{times_s:?}");
+}
