@@ -48,7 +48,7 @@ pub struct VehicleParams {
     pub width_m: f64,
     /// Largest road-wheel angle, rad (10°).
     pub max_steer_rad: f64,
-    /// Largest road-wheel rate, rad/s (30°/s).
+    /// Largest road-wheel rate, rad/s (30°/s, rounded down).
     pub max_steer_rate_radps: f64,
     /// First-order lag of the steering, s; 0 = none, as in the paper.
     pub steer_lag_s: f64,
