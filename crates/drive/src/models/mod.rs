@@ -3,3 +3,4 @@
 pub mod idm;
 pub mod mobil;
 pub mod safe_distance;
+pub mod rss;
