@@ -1,1 +1,15 @@
 //! The two model-predictive controllers, their limits, fall-backs and the guard behind them.
+
+mod config;
+mod guard;
+mod lateral;
+mod longitudinal;
+#[cfg(test)]
+mod tests;
+mod verdict;
+
+pub use config::{ControlConfig, HeadingReference, MAX_HORIZON};
+pub use guard::{Guard, GuardCause};
+pub use lateral::{LateralMpc, LateralReference, SteerPlan};
+pub use longitudinal::{LongitudinalMpc, SPEED_POINTS, SpeedGoal, SpeedPlan};
+pub use verdict::{ControlWeights, Rung, SolveSummary};

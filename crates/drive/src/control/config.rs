@@ -1,0 +1,248 @@
+//! The section `[control]`: limits, horizons and weights of the two controllers and of the guard.
+
+use serde::{Deserialize, Serialize};
+
+use crate::config::{ConfigError, check_order, check_range};
+use crate::models::rss::Braking;
+use crate::vehicle::tire::GRAVITY_MPS2;
+
+/// Most stages a controller may look ahead.
+pub const MAX_HORIZON: usize = 64;
+/// Share of μ g that full braking is trusted to reach.
+const USABLE_GRIP: f64 = 0.95;
+
+/// What the heading is compared with in Eq. 26.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum HeadingReference {
+    /// The slope of the reference path.
+    Slope,
+    /// Zero, as in the paper, although a lane change needs up to 0.14 rad.
+    Zero,
+}
+
+/// Motion control. All weights of one problem are relative to each other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+#[expect(clippy::struct_excessive_bools, reason = "independent switches, each a key of the configuration file")]
+pub struct ControlConfig {
+    /// Lowest acceleration the longitudinal controller asks for, m/s². The paper gives none; −2 cannot resolve a closing speed of 10 m/s in 30 m.
+    pub accel_min_mps2: f64,
+    /// Highest acceleration, m/s² (Table II's largest reference).
+    pub accel_max_mps2: f64,
+    /// Bound of the jerk, m/s³. Not in the paper.
+    pub jerk_max_mps3: f64,
+    /// Weight of the squared jerk against that of the squared acceleration error, s². Not in the paper.
+    pub jerk_weight_s2: f64,
+    /// Stages of the longitudinal problem, N_p of Eq. 25; the paper gives none. Two seconds are too short to stop for a standing car.
+    pub longitudinal_horizon: u8,
+    /// Length of a longitudinal stage, s.
+    pub longitudinal_step_s: f64,
+    /// Stages over which Eq. 25 weighs the speed; later ones keep only the reference acceleration and the limits, so that a longer
+    /// look-ahead does not change how well a decision is obeyed.
+    pub speed_cost_steps: u8,
+    /// Stages of the lateral problem, N_p of Eq. 26, each one control period long; the paper gives none.
+    pub lateral_horizon: u8,
+    /// Bumper-to-bumper distance s_saf at standstill, m. The paper gives none.
+    pub spacing_min_m: f64,
+    /// Further distance per speed, s. The paper has a constant distance.
+    pub spacing_headway_s: f64,
+    /// Whether the spacing must also keep the guard's safe distance, so that the guard has nothing to do.
+    pub safe_spacing: bool,
+    /// What the spacing keeps beyond the guard's safe distance, m.
+    pub safe_spacing_extra_m: f64,
+    /// Time in which a spacing lost to a car cutting in is to be regained, s; 0 = at once, as in the paper.
+    pub spacing_recovery_s: f64,
+    /// Linear slack weight of the spacing, 1/m.
+    pub spacing_l1_weight: f64,
+    /// Quadratic slack weight of the spacing, 1/m².
+    pub spacing_l2_weight: f64,
+    /// Linear slack weight of the bounds of speed and acceleration.
+    pub limit_l1_weight: f64,
+    /// Quadratic slack weight of the bounds of speed and acceleration.
+    pub limit_l2_weight: f64,
+    /// V_max, m/s: 120 km/h.
+    pub speed_max_mps: f64,
+    /// V_min, m/s: 60 km/h.
+    pub speed_min_mps: f64,
+    /// Whether V_min bounds the speed, as in the paper: softly, at 1/100 of the spacing's weights. Otherwise standstill does.
+    pub speed_floor: bool,
+    /// Heading reference of Eq. 26.
+    pub heading_reference: HeadingReference,
+    /// Weight of the squared change of the road-wheel angle in a step against that of its square, R_2. Not in the paper.
+    pub steer_change_weight: f64,
+    /// Whether yaw rate and slip angles are bounded (the constraints of Eq. 26).
+    pub stability_constraints: bool,
+    /// Share of the slip limits that may be used: real tires exceed the linear model's slip at the limit by 11–19 %. The paper has 1.
+    pub stability_tightening: f64,
+    /// Share of μ g / V that bounds the yaw rate (Rajamani, 2012). The paper has 1.
+    pub yaw_rate_factor: f64,
+    /// Linear slack weight of the stability bounds, 1/rad.
+    pub stability_l1_weight: f64,
+    /// Quadratic slack weight of the stability bounds, 1/rad².
+    pub stability_l2_weight: f64,
+    /// Control steps for which an earlier plan may stand in for a failed solve.
+    pub shifted_plan_steps: u8,
+    /// Whether the guard checks every command. The paper has none.
+    pub guard: bool,
+    /// Braking the guard may use, m/s² (positive), within 95 % of μ g.
+    pub emergency_brake_mps2: f64,
+    /// Jerk the guard may use, m/s³.
+    pub emergency_jerk_mps3: f64,
+    /// Braking a leader is expected of, m/s² (positive), within 95 % of μ g.
+    pub leader_brake_mps2: f64,
+    /// Time the ego is assumed to go on before it brakes, s: a control step and the drive train's lag, rounded up.
+    pub reaction_s: f64,
+    /// Distance the safe gap leaves between the bumpers, m.
+    pub margin_m: f64,
+    /// Lateral distance between centers below which a vehicle ahead matters in whatever lane it is, m.
+    pub guard_lateral_m: f64,
+    /// How far from the center of its old lane the ego may still turn back, m.
+    pub abort_lateral_m: f64,
+}
+
+impl Default for ControlConfig {
+    fn default() -> Self {
+        Self {
+            accel_min_mps2: -6.0,
+            accel_max_mps2: 2.0,
+            jerk_max_mps3: 6.0,
+            jerk_weight_s2: 0.01,
+            longitudinal_horizon: 50,
+            longitudinal_step_s: 0.1,
+            speed_cost_steps: 20,
+            lateral_horizon: 20,
+            spacing_min_m: 5.0,
+            spacing_headway_s: 0.5,
+            safe_spacing: true,
+            safe_spacing_extra_m: 2.0,
+            spacing_recovery_s: 4.0,
+            spacing_l1_weight: 1e3,
+            spacing_l2_weight: 1e2,
+            limit_l1_weight: 5e4,
+            limit_l2_weight: 1e4,
+            speed_max_mps: 33.333,
+            speed_min_mps: 16.667,
+            speed_floor: false,
+            heading_reference: HeadingReference::Slope,
+            steer_change_weight: 1.0,
+            stability_constraints: true,
+            stability_tightening: 0.85,
+            yaw_rate_factor: 0.85,
+            stability_l1_weight: 2e4,
+            stability_l2_weight: 1e6,
+            shifted_plan_steps: 5,
+            guard: true,
+            emergency_brake_mps2: 8.0,
+            emergency_jerk_mps3: 25.0,
+            leader_brake_mps2: 7.0,
+            reaction_s: 0.3,
+            margin_m: 1.0,
+            guard_lateral_m: 2.4,
+            abort_lateral_m: 0.9,
+        }
+    }
+}
+
+impl ControlConfig {
+    /// The paper's reading: 2 s of look-ahead, constant bounds, heading reference 0, no guard.
+    pub fn paper() -> Self {
+        Self {
+            longitudinal_horizon: 20,
+            safe_spacing: false,
+            spacing_recovery_s: 0.0,
+            speed_floor: true,
+            heading_reference: HeadingReference::Zero,
+            stability_tightening: 1.0,
+            yaw_rate_factor: 1.0,
+            guard: false,
+            ..Self::default()
+        }
+    }
+
+    /// What the safe distance assumes on a road of this adhesion.
+    pub fn braking(&self, adhesion: f64) -> Braking {
+        let grip_mps2 = USABLE_GRIP * adhesion * GRAVITY_MPS2;
+        Braking {
+            reaction_s: self.reaction_s,
+            jerk_mps3: self.emergency_jerk_mps3,
+            max_brake_mps2: self.emergency_brake_mps2.min(grip_mps2),
+            leader_brake_mps2: self.leader_brake_mps2.min(grip_mps2),
+            margin_m: self.margin_m,
+        }
+    }
+
+    /// Checks every range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        self.validate_limits()?;
+        self.validate_spacing()?;
+        self.validate_stability()?;
+        self.validate_guard()
+    }
+
+    fn validate_limits(&self) -> Result<(), ConfigError> {
+        let most = MAX_HORIZON as f64;
+        check_range("control.accel_min_mps2", self.accel_min_mps2, -12.0, -0.5)?;
+        check_range("control.accel_max_mps2", self.accel_max_mps2, 0.5, 6.0)?;
+        check_range("control.jerk_max_mps3", self.jerk_max_mps3, 0.5, 100.0)?;
+        check_range("control.jerk_weight_s2", self.jerk_weight_s2, 1e-6, 100.0)?;
+        check_range("control.longitudinal_horizon", f64::from(self.longitudinal_horizon), 2.0, most)?;
+        check_range("control.longitudinal_step_s", self.longitudinal_step_s, 0.02, 0.5)?;
+        check_range("control.speed_cost_steps", f64::from(self.speed_cost_steps), 1.0, most)?;
+        check_range("control.lateral_horizon", f64::from(self.lateral_horizon), 2.0, most)?;
+        check_range("control.limit_l1_weight", self.limit_l1_weight, 0.0, 1e8)?;
+        check_range("control.limit_l2_weight", self.limit_l2_weight, 1e-3, 1e8)?;
+        check_range("control.speed_max_mps", self.speed_max_mps, 1.0, 60.0)?;
+        check_range("control.speed_min_mps", self.speed_min_mps, 0.0, 60.0)?;
+        check_order(("control.speed_min_mps", self.speed_min_mps), ("control.speed_max_mps", self.speed_max_mps))
+    }
+
+    fn validate_spacing(&self) -> Result<(), ConfigError> {
+        check_range("control.spacing_min_m", self.spacing_min_m, 0.0, 100.0)?;
+        check_range("control.spacing_headway_s", self.spacing_headway_s, 0.0, 5.0)?;
+        check_range("control.safe_spacing_extra_m", self.safe_spacing_extra_m, 0.0, 50.0)?;
+        check_range("control.spacing_recovery_s", self.spacing_recovery_s, 0.0, 60.0)?;
+        check_range("control.spacing_l1_weight", self.spacing_l1_weight, 0.0, 1e8)?;
+        check_range("control.spacing_l2_weight", self.spacing_l2_weight, 1e-3, 1e8)
+    }
+
+    fn validate_stability(&self) -> Result<(), ConfigError> {
+        check_range("control.steer_change_weight", self.steer_change_weight, 1e-6, 1e6)?;
+        check_range("control.stability_tightening", self.stability_tightening, 0.1, 2.0)?;
+        check_range("control.yaw_rate_factor", self.yaw_rate_factor, 0.1, 2.0)?;
+        check_range("control.stability_l1_weight", self.stability_l1_weight, 0.0, 1e9)?;
+        check_range("control.stability_l2_weight", self.stability_l2_weight, 1e-3, 1e9)?;
+        check_range("control.shifted_plan_steps", f64::from(self.shifted_plan_steps), 0.0, 20.0)
+    }
+
+    fn validate_guard(&self) -> Result<(), ConfigError> {
+        check_range("control.emergency_brake_mps2", self.emergency_brake_mps2, 1.0, 12.0)?;
+        check_range("control.emergency_jerk_mps3", self.emergency_jerk_mps3, 1.0, 1000.0)?;
+        check_range("control.leader_brake_mps2", self.leader_brake_mps2, 1.0, 12.0)?;
+        check_range("control.reaction_s", self.reaction_s, 0.0, 3.0)?;
+        check_range("control.margin_m", self.margin_m, 0.0, 20.0)?;
+        check_range("control.guard_lateral_m", self.guard_lateral_m, 0.0, 6.0)?;
+        check_range("control.abort_lateral_m", self.abort_lateral_m, 0.0, 6.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_presets_are_valid_and_survive_a_file() {
+        for config in [ControlConfig::default(), ControlConfig::paper()] {
+            config.validate().unwrap();
+            let text = toml::to_string(&config).unwrap();
+            assert_eq!(toml::from_str::<ControlConfig>(&text).unwrap(), config);
+        }
+    }
+
+    #[test]
+    fn bad_values_are_refused_by_name() {
+        let bad = ControlConfig { jerk_max_mps3: f64::NAN, ..ControlConfig::default() };
+        assert!(bad.validate().unwrap_err().to_string().contains("control.jerk_max_mps3"));
+        assert!(toml::from_str::<ControlConfig>("jerk_mx_mps3 = 3.0").is_err());
+    }
+}

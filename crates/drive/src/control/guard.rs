@@ -1,0 +1,216 @@
+//! The guard: the last check before the plant, at every control step.
+//!
+//! If the wanted command would break the safe distance to *any* vehicle ahead in an occupied lane, or laterally so close that it may
+//! come into the way, the mildest braking that keeps it takes its place; if none does, full braking. Looking at the nearest leader
+//! alone is not enough: a fast near one hides a standing far one of the other lane, and two cars that swap lanes lose each other.
+
+use crate::control::config::ControlConfig;
+use crate::models::rss::{Braking, safe_gap_m};
+use crate::road::LaneIndex;
+use crate::scene::{Neighbor, Scene, VehicleId};
+use crate::vehicle::{ControlInput, VehicleParams, VehicleState, lag_response};
+
+/// Why the guard changed a command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum GuardCause {
+    /// The command or the own state is NaN or infinite: full braking, steering held.
+    NotFinite,
+    /// The safe distance to this vehicle would have been broken.
+    SafeDistance {
+        /// The vehicle.
+        id: VehicleId,
+        /// Whether not even a milder braking kept it.
+        full_brake: bool,
+    },
+    /// The command was outside the actuators' limits.
+    Limits,
+}
+
+/// Levels of braking, mildest first, m/s²; full braking comes after them.
+const LEVELS_MPS2: [f64; 6] = [0.0, -1.0, -2.0, -3.0, -4.5, -6.0];
+/// Vehicles further ahead than this cannot matter, m: above the safe distance at 60 m/s to a standing car.
+const RANGE_M: f64 = 300.0;
+/// Reaction time that a follower in the target lane is granted, s.
+const FOLLOWER_REACTION_S: f64 = 0.1;
+/// Braking that a follower in the target lane is granted, m/s².
+const FOLLOWER_BRAKE_MPS2: f64 = 6.0;
+/// Gap that must be left to a follower, m.
+const FOLLOWER_MARGIN_M: f64 = 1.0;
+/// By how much the safe distance in the target lane must be broken before a lane change is given up, m.
+const ABORT_TOLERANCE_M: f64 = 3.0;
+
+/// The guard of one car.
+#[derive(Clone, Debug)]
+pub struct Guard {
+    config: ControlConfig,
+    params: VehicleParams,
+    period_s: f64,
+    drive_response: f64,
+    steer_response: f64,
+}
+
+/// The ego after a control step under some acceleration command.
+struct Next {
+    travelled_m: f64,
+    speed_mps: f64,
+    accel_mps2: f64,
+}
+
+impl Guard {
+    /// A guard for this car; both must be valid. `control_period_s`: time between two calls of [`Self::check`].
+    pub fn new(config: &ControlConfig, params: &VehicleParams, control_period_s: f64) -> Self {
+        Self {
+            config: config.clone(),
+            params: params.clone(),
+            period_s: control_period_s,
+            drive_response: lag_response(params.drive_lag_s, control_period_s),
+            steer_response: lag_response(params.steer_lag_s, control_period_s),
+        }
+    }
+
+    /// The command to send, and why it is not `input`. `lanes`: those the ego is in, leaves or enters.
+    ///
+    /// With the guard switched off only the actuators' limits and finiteness are checked.
+    pub fn check(
+        &self,
+        scene: &Scene,
+        lanes: [Option<LaneIndex>; 2],
+        input: ControlInput,
+    ) -> (ControlInput, Option<GuardCause>) {
+        let braking = self.config.braking(scene.road.adhesion());
+        if !is_finite(&scene.ego) || !input.accel_mps2.is_finite() || !input.steer_rad.is_finite() {
+            return (self.refused(scene, input, &braking), Some(GuardCause::NotFinite));
+        }
+        let limited = self.limited(scene, input);
+        let limits = (limited != input).then_some(GuardCause::Limits);
+        if !self.config.guard {
+            return (limited, limits);
+        }
+        let Some(id) = self.broken_by(scene, lanes, limited.accel_mps2, &braking) else { return (limited, limits) };
+        let (accel_mps2, full_brake) = self.mildest(scene, lanes, limited.accel_mps2, &braking);
+        (ControlInput { accel_mps2, ..limited }, Some(GuardCause::SafeDistance { id, full_brake }))
+    }
+
+    fn refused(&self, scene: &Scene, input: ControlInput, braking: &Braking) -> ControlInput {
+        let held = [input.steer_rad, scene.ego.steer_rad].into_iter().find(|steer| steer.is_finite());
+        let most = self.params.max_steer_rad;
+        ControlInput {
+            accel_mps2: -braking.max_brake_mps2,
+            steer_rad: held.map_or(0.0, |steer| steer.clamp(-most, most)),
+        }
+    }
+
+    /// `input` within what the actuators can do in this step.
+    fn limited(&self, scene: &Scene, input: ControlInput) -> ControlInput {
+        let (p, steer) = (&self.params, scene.ego.steer_rad);
+        let reach_rad = p.max_steer_rate_radps * self.period_s / self.steer_response;
+        ControlInput {
+            accel_mps2: input.accel_mps2.clamp(-self.config.emergency_brake_mps2, p.max_accel_mps2),
+            steer_rad: input
+                .steer_rad
+                .clamp(steer - reach_rad, steer + reach_rad)
+                .clamp(-p.max_steer_rad, p.max_steer_rad),
+        }
+    }
+
+    /// The mildest level below the wanted command that keeps every safe distance, and whether it is full braking.
+    fn mildest(
+        &self,
+        scene: &Scene,
+        lanes: [Option<LaneIndex>; 2],
+        wanted_mps2: f64,
+        braking: &Braking,
+    ) -> (f64, bool) {
+        for level in LEVELS_MPS2 {
+            let command = self.towards(&scene.ego, level, braking);
+            let milder = command < wanted_mps2 && level > -braking.max_brake_mps2;
+            if milder && self.broken_by(scene, lanes, command, braking).is_none() {
+                return (command, false);
+            }
+        }
+        (self.towards(&scene.ego, -braking.max_brake_mps2, braking), true)
+    }
+
+    /// The command that brings the acceleration to `level` as fast as the emergency jerk allows.
+    fn towards(&self, ego: &VehicleState, level: f64, braking: &Braking) -> f64 {
+        let change = self.config.emergency_jerk_mps3 * self.period_s;
+        let next = level.clamp(ego.accel_mps2 - change, ego.accel_mps2 + change);
+        (ego.accel_mps2 + (next - ego.accel_mps2) / self.drive_response).clamp(-braking.max_brake_mps2, 0.0)
+    }
+
+    /// The first vehicle to which the safe distance would be broken after this step.
+    fn broken_by(
+        &self,
+        scene: &Scene,
+        lanes: [Option<LaneIndex>; 2],
+        accel_mps2: f64,
+        braking: &Braking,
+    ) -> Option<VehicleId> {
+        let next = self.next(&scene.ego, accel_mps2);
+        let matters = |n: &Neighbor| {
+            lanes.into_iter().flatten().any(|lane| n.occupies(lane))
+                || n.occupies(scene.ego_lane)
+                || (n.d_m - scene.ego.d_m).abs() < self.config.guard_lateral_m
+        };
+        scene
+            .neighbors
+            .iter()
+            .filter(|n| n.ahead_m > 0.0 && n.ahead_m < RANGE_M || n.ahead_m.is_nan())
+            .filter(|n| matters(n))
+            .find(|n| !self.keeps(&next, n, scene.ego_length_m, braking))
+            .map(|n| n.id)
+    }
+
+    /// Where a step under this command leads, the drive train's lag included.
+    fn next(&self, ego: &VehicleState, accel_mps2: f64) -> Next {
+        let (v, a) = (ego.road_speed_mps(), ego.accel_mps2);
+        let gained = accel_mps2 * self.period_s + (a - accel_mps2) * self.params.drive_lag_s * self.drive_response;
+        let speed_mps = (v + gained).max(0.0);
+        Next {
+            travelled_m: 0.5 * (v + speed_mps) * self.period_s,
+            speed_mps,
+            accel_mps2: a + (accel_mps2 - a) * self.drive_response,
+        }
+    }
+
+    /// Whether the safe distance holds after this step even if the leader brakes in full during it. False for NaN.
+    fn keeps(&self, next: &Next, leader: &Neighbor, ego_length_m: f64, braking: &Braking) -> bool {
+        let leader_next = (leader.speed_mps - braking.leader_brake_mps2 * self.period_s).max(0.0);
+        let leader_travelled_m = 0.5 * (leader.speed_mps.max(0.0) + leader_next) * self.period_s;
+        let gap_m = leader.gap_m(ego_length_m) + leader_travelled_m - next.travelled_m;
+        gap_m >= safe_gap_m(next.speed_mps, next.accel_mps2, leader_next, braking)
+    }
+
+    /// Whether a lane change from `origin` to `target` should be given up: the target lane has become unsafe, the marking is not yet
+    /// reached and the old lane is safe.
+    pub fn abort_advised(&self, scene: &Scene, origin: LaneIndex, target: LaneIndex) -> bool {
+        let braking = self.config.braking(scene.road.adhesion());
+        let from_center_m = scene.ego.d_m - scene.road.lane_center_m(origin);
+        from_center_m.abs() < self.config.abort_lateral_m
+            && !lane_is_safe(scene, target, -ABORT_TOLERANCE_M, &braking)
+            && lane_is_safe(scene, origin, -self.config.margin_m, &braking)
+    }
+}
+
+/// Whether the gaps in `lane` are safe, the front one with `extra_m` to spare.
+fn lane_is_safe(scene: &Scene, lane: LaneIndex, extra_m: f64, braking: &Braking) -> bool {
+    let (v, a) = (scene.ego.road_speed_mps(), scene.ego.accel_mps2);
+    let front = scene
+        .leader(lane)
+        .is_none_or(|leader| leader.gap_m(scene.ego_length_m) >= safe_gap_m(v, a, leader.speed_mps, braking) + extra_m);
+    let rear = scene.follower(lane).is_none_or(|follower| {
+        let closing = (follower.speed_mps - v).max(0.0);
+        let needed_m = FOLLOWER_REACTION_S * follower.speed_mps
+            + closing * closing / (2.0 * FOLLOWER_BRAKE_MPS2)
+            + FOLLOWER_MARGIN_M;
+        follower.gap_m(scene.ego_length_m) >= needed_m
+    });
+    front && rear
+}
+
+fn is_finite(state: &VehicleState) -> bool {
+    let s = state;
+    [s.s_m, s.d_m, s.heading_rad, s.speed_mps, s.lateral_speed_mps, s.yaw_rate_radps, s.steer_rad, s.accel_mps2]
+        .iter()
+        .all(|value| value.is_finite())
+}

@@ -1,0 +1,307 @@
+//! The lateral controller (Eq. 26): model-predictive path tracking within the limits of lateral stability.
+//!
+//! minimize Σ P_21 (φ − φ_ref)² + P_22 (Y − Y_ref)² + R_2 δ² + w R_2 Δδ², with P_22 = 10 P_21 and q_2 = P_21 / R_2, subject to the bounds
+//! of Δδ (hard) and of δ, yaw rate and both slip angles (soft). The state is [d, V_y, φ, γ, δ] and the input Δδ.
+//!
+//! Departures from the paper: the model follows the planned speed along the horizon and is discretized by zero-order hold; steering
+//! lag, road curvature (with its steady steering angle and sideslip as references) and a small cost of Δδ are added. Cost and slack
+//! weights are divided by P_21, so that the slack weights mean the same at every q_2.
+
+use std::sync::Arc;
+
+use lanecraft_qp::{Problem, Row, Solver, Start};
+
+use crate::control::config::{ControlConfig, HeadingReference, MAX_HORIZON};
+use crate::control::verdict::{Rung, SolveSummary};
+use crate::scene::Scene;
+use crate::vehicle::bicycle::{DiscreteBicycle, steady_sideslip_rad, steady_steer_rad};
+use crate::vehicle::tire::{GRAVITY_MPS2, slip_angles_rad, slip_limits_rad};
+use crate::vehicle::{VehicleParams, VehicleState, lag_response};
+
+/// Where the car is to be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LateralReference<'a> {
+    /// On a line of constant d.
+    LaneCenter {
+        /// Lateral position, m.
+        d_m: f64,
+    },
+    /// On a lane-change path: d(t) = Σ c_i t^i until its duration, constant afterwards.
+    Path {
+        /// c_0 to c_5, m, m/s, … m/s⁵.
+        coefficients: &'a [f64; 6],
+        /// Duration t_c, s.
+        duration_s: f64,
+        /// Time since the path began, s.
+        elapsed_s: f64,
+    },
+}
+
+impl LateralReference<'_> {
+    /// (d, ḋ) `ahead_s` from now.
+    fn at(&self, ahead_s: f64) -> (f64, f64) {
+        match *self {
+            Self::LaneCenter { d_m } => (d_m, 0.0),
+            Self::Path { coefficients: c, duration_s, elapsed_s } => {
+                let beyond = elapsed_s + ahead_s >= duration_s;
+                let t = if beyond { duration_s } else { elapsed_s + ahead_s };
+                let d_m = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))));
+                let rate = c[1] + t * (2.0 * c[2] + t * (3.0 * c[3] + t * (4.0 * c[4] + t * 5.0 * c[5])));
+                (d_m, if beyond { 0.0 } else { rate })
+            }
+        }
+    }
+}
+
+/// The lateral controller's answer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SteerPlan {
+    /// Road-wheel angle to command now, rad.
+    pub steer_rad: f64,
+    /// Where the answer comes from.
+    pub rung: Rung,
+    /// How the solve went.
+    pub solve: SolveSummary,
+    /// Present front slip angle over the slip limit of Eq. 26 (untightened).
+    pub front_slip_use: f64,
+    /// Present rear slip angle over its limit.
+    pub rear_slip_use: f64,
+    /// Present yaw rate over μ g / V.
+    pub yaw_rate_use: f64,
+}
+
+const YAW_RATE: usize = 0;
+const FRONT_SLIP: usize = 1;
+const REAR_SLIP: usize = 2;
+const STEER: usize = 3;
+/// P_22 / P_21 (Eq. 26).
+const POSITION_TO_HEADING: f64 = 10.0;
+/// Range of q_2; beyond it the problem is that of the nearer end to rounding.
+const PATH_RATIO_RANGE: (f64, f64) = (1e-8, 1e8);
+/// The model holds from this speed on; below, the car is steered as at this speed, m/s.
+const MODEL_SPEED_MIN_MPS: f64 = 5.0;
+const MODEL_SPEED_MAX_MPS: f64 = 60.0;
+/// Distance of the tabulated speeds, m/s: interpolated matrices are within 1e-3 of the exact ones.
+const MODEL_SPEED_STEP_MPS: f64 = 0.25;
+/// Natural frequency of the critically damped feedback law, rad/s.
+const FEEDBACK_FREQUENCY_RADPS: f64 = 1.2;
+
+/// The lateral controller with its warm start and last plan: a clone goes on exactly as the original.
+#[derive(Clone, Debug)]
+pub struct LateralMpc {
+    config: ControlConfig,
+    params: VehicleParams,
+    period_s: f64,
+    /// Share of the way to its command that the steering covers in a control period.
+    response: f64,
+    /// The model at the tabulated speeds; clones share it.
+    models: Arc<[DiscreteBicycle]>,
+    problem: Problem<5, 4>,
+    solver: Solver<5, 4>,
+    /// Control steps since the last solved plan.
+    plan_age: usize,
+    planned_changes_rad: [f64; MAX_HORIZON],
+    last_steer_rad: f64,
+}
+
+/// The limits of Eq. 26 on this road.
+#[derive(Clone, Copy)]
+struct StabilityLimits {
+    front_slip_rad: f64,
+    rear_slip_rad: f64,
+    /// Bound of the lateral acceleration V γ, m/s².
+    yaw_accel_mps2: f64,
+}
+
+impl LateralMpc {
+    /// A controller for this car; both must be valid. `control_period_s`: time between two calls of [`Self::plan`] and length of a stage.
+    pub fn new(config: &ControlConfig, params: &VehicleParams, control_period_s: f64) -> Self {
+        let horizon = usize::from(config.lateral_horizon);
+        let response = lag_response(params.steer_lag_s, control_period_s);
+        let points = ((MODEL_SPEED_MAX_MPS - MODEL_SPEED_MIN_MPS) / MODEL_SPEED_STEP_MPS) as u32 + 1;
+        let models = (0..points)
+            .map(|i| MODEL_SPEED_MIN_MPS + f64::from(i) * MODEL_SPEED_STEP_MPS)
+            .map(|speed_mps| DiscreteBicycle::new(params, speed_mps, control_period_s))
+            .collect();
+        let mut problem = Problem::new(horizon);
+        // With lag the rate is highest at the start of a step, Δδ / (T (1 − e^(−h/T))).
+        let change_rad = params.max_steer_rate_radps
+            * if params.steer_lag_s > 0.0 { params.steer_lag_s * response } else { control_period_s };
+        (problem.input_min, problem.input_max) = (-change_rad, change_rad);
+        Self {
+            config: config.clone(),
+            params: params.clone(),
+            period_s: control_period_s,
+            response,
+            models,
+            problem,
+            solver: Solver::new(horizon),
+            plan_age: usize::MAX,
+            planned_changes_rad: [0.0; MAX_HORIZON],
+            last_steer_rad: 0.0,
+        }
+    }
+
+    /// Plans from this scene along `reference`. `speeds_mps`: the speed profile of the longitudinal controller, one point for each
+    /// longitudinal step, the first one now. `path_ratio` is q_2.
+    ///
+    /// Answers on every input: what cannot be solved goes down the ladder of [`Rung`].
+    pub fn plan(
+        &mut self,
+        scene: &Scene,
+        reference: LateralReference<'_>,
+        speeds_mps: &[f64],
+        path_ratio: f64,
+    ) -> SteerPlan {
+        let ego = &scene.ego;
+        self.problem.initial_state =
+            [ego.d_m, ego.lateral_speed_mps, ego.heading_rad, ego.yaw_rate_radps, ego.steer_rad];
+        self.set_stages(scene, reference, speeds_mps, path_ratio);
+        let start = if self.plan_age == 0 { Start::Shifted(1) } else { Start::Cold };
+        let solve = SolveSummary::new(&self.solver.solve(&self.problem, start));
+        let (rung, change_rad) = if solve.solved {
+            self.plan_age = 0;
+            for (slot, change) in self.planned_changes_rad.iter_mut().zip(self.solver.inputs()) {
+                *slot = *change;
+            }
+            (Rung::Solved, self.planned_changes_rad[0])
+        } else {
+            self.fall_back(scene, reference)
+        };
+        self.answer(scene, rung, change_rad, solve)
+    }
+
+    fn set_stages(&mut self, scene: &Scene, reference: LateralReference<'_>, speeds_mps: &[f64], path_ratio: f64) {
+        let steer_cost = 1.0 / path_ratio.clamp(PATH_RATIO_RANGE.0, PATH_RATIO_RANGE.1);
+        let limits = self.limits(scene.road.adhesion());
+        let change_cost = steer_cost * self.config.steer_change_weight;
+        let slope = self.config.heading_reference == HeadingReference::Slope;
+        let mut s_m = scene.ego.s_m;
+        for k in 0..self.problem.stages.len() {
+            let speed_mps = self.speed_at(k as f64 * self.period_s, speeds_mps, scene.ego.speed_mps);
+            let curvature = scene.road.curvature_radpm(s_m);
+            s_m += speed_mps * self.period_s;
+            self.set_model(k, speed_mps, curvature);
+            self.set_limits(k, speed_mps, &limits);
+            let (d_m, rate_mps) = reference.at((k + 1) as f64 * self.period_s);
+            let heading = if slope { rate_mps / speed_mps } else { 0.0 }
+                - steady_sideslip_rad(&self.params, speed_mps, curvature);
+            let stage = &mut self.problem.stages[k];
+            stage.state_weight = [POSITION_TO_HEADING, 0.0, 1.0, 0.0, steer_cost];
+            stage.state_reference = [d_m, 0.0, heading, 0.0, steady_steer_rad(&self.params, speed_mps, curvature)];
+            stage.input_weight = change_cost;
+        }
+    }
+
+    /// The profile's speed at `time_s`, within the model's range.
+    fn speed_at(&self, time_s: f64, speeds_mps: &[f64], now_mps: f64) -> f64 {
+        let position = time_s / self.config.longitudinal_step_s;
+        let before = position as usize;
+        let speed_mps = match (speeds_mps.get(before), speeds_mps.get(before + 1)) {
+            (Some(a), Some(b)) => a + (position - before as f64) * (b - a),
+            (Some(a), None) => *a,
+            _ => speeds_mps.last().copied().unwrap_or(now_mps),
+        };
+        speed_mps.clamp(MODEL_SPEED_MIN_MPS, MODEL_SPEED_MAX_MPS)
+    }
+
+    /// Dynamics of stage `k`: the table's matrices, interpolated, and the turning of the road under the car.
+    fn set_model(&mut self, k: usize, speed_mps: f64, curvature: f64) {
+        let position = (speed_mps - MODEL_SPEED_MIN_MPS) / MODEL_SPEED_STEP_MPS;
+        let before = (position as usize).min(self.models.len() - 2);
+        let share = position - before as f64;
+        let (low, high) = (&self.models[before], &self.models[before + 1]);
+        let stage = &mut self.problem.stages[k];
+        for i in 0..5 {
+            for j in 0..5 {
+                stage.a[i][j] = low.a[i][j] + share * (high.a[i][j] - low.a[i][j]);
+            }
+            stage.b[i] = low.b[i] + share * (high.b[i] - low.b[i]);
+        }
+        let turned = curvature * speed_mps * self.period_s;
+        stage.c = [-0.5 * turned * speed_mps * self.period_s, 0.0, -turned, 0.0, 0.0];
+    }
+
+    /// Soft bounds of stage `k`. The front slip is bounded at the step's start, just after the wheel has turned: it is largest there.
+    fn set_limits(&mut self, k: usize, speed_mps: f64, limits: &StabilityLimits) {
+        let (lf, lr) = (self.params.front_axle_m / speed_mps, self.params.rear_axle_m / speed_mps);
+        let (l1_weight, l2_weight) = (self.config.stability_l1_weight, self.config.stability_l2_weight);
+        let stage = &mut self.problem.stages[k];
+        let (a, b) = (&stage.a, &stage.b);
+        let row = |state, input, bound: f64| Row { state, input, lower: -bound, upper: bound, l1_weight, l2_weight };
+        let mut rear = [0.0; 5];
+        for (j, coefficient) in rear.iter_mut().enumerate() {
+            *coefficient = a[1][j] / speed_mps - lr * a[3][j];
+        }
+        stage.rows = [
+            row(a[3], b[3], limits.yaw_accel_mps2 / speed_mps),
+            row([0.0, 1.0 / speed_mps, 0.0, lf, -1.0], -1.0, limits.front_slip_rad),
+            row(rear, b[1] / speed_mps - lr * b[3], limits.rear_slip_rad),
+            row([0.0, 0.0, 0.0, 0.0, 1.0], 1.0, self.params.max_steer_rad),
+        ];
+        if !self.config.stability_constraints {
+            for index in [YAW_RATE, FRONT_SLIP, REAR_SLIP] {
+                (stage.rows[index].lower, stage.rows[index].upper) = (f64::NEG_INFINITY, f64::INFINITY);
+            }
+        }
+        debug_assert!(stage.rows[STEER].upper.is_finite());
+    }
+
+    fn limits(&self, adhesion: f64) -> StabilityLimits {
+        let (front, rear) = slip_limits_rad(&self.params, adhesion);
+        StabilityLimits {
+            front_slip_rad: self.config.stability_tightening * front,
+            rear_slip_rad: self.config.stability_tightening * rear,
+            yaw_accel_mps2: self.config.yaw_rate_factor * adhesion * GRAVITY_MPS2,
+        }
+    }
+
+    /// The ladder below the optimum: a rung and a change of the road-wheel angle.
+    fn fall_back(&mut self, scene: &Scene, reference: LateralReference<'_>) -> (Rung, f64) {
+        self.plan_age = self.plan_age.saturating_add(1);
+        let bridged = usize::from(self.config.shifted_plan_steps).min(self.problem.stages.len() - 1);
+        if self.plan_age <= bridged {
+            return (Rung::ShiftedPlan, self.planned_changes_rad[self.plan_age]);
+        }
+        let wanted = self.feedback_steer_rad(scene, reference);
+        let change = wanted - scene.ego.steer_rad;
+        if change.is_finite() {
+            (Rung::FeedbackLaw, change.clamp(self.problem.input_min, self.problem.input_max))
+        } else {
+            (Rung::BrakeInLane, 0.0)
+        }
+    }
+
+    /// Critically damped approach of the reference by steady-state steering, within the front slip limit; NaN if the state is.
+    fn feedback_steer_rad(&self, scene: &Scene, reference: LateralReference<'_>) -> f64 {
+        let ego = &scene.ego;
+        let speed_mps = ego.speed_mps.clamp(MODEL_SPEED_MIN_MPS, MODEL_SPEED_MAX_MPS);
+        let (d_m, rate_mps) = reference.at(0.0);
+        let w = FEEDBACK_FREQUENCY_RADPS;
+        let accel = w * w * (d_m - ego.d_m) + 2.0 * w * (rate_mps - ego.road_lateral_speed_mps());
+        let most = self.limits(scene.road.adhesion()).yaw_accel_mps2;
+        let curvature =
+            scene.road.curvature_radpm(ego.s_m) + accel.clamp(-0.5 * most, 0.5 * most) / (speed_mps * speed_mps);
+        steady_steer_rad(&self.params, speed_mps, curvature)
+    }
+
+    /// The command that turns the wheel by `change_rad` in one control period, through its lag.
+    fn answer(&mut self, scene: &Scene, rung: Rung, change_rad: f64, solve: SolveSummary) -> SteerPlan {
+        let ego = &scene.ego;
+        let now_rad = if ego.steer_rad.is_finite() { ego.steer_rad } else { self.last_steer_rad };
+        let most = self.params.max_steer_rad;
+        let steer_rad = (now_rad + change_rad / self.response).clamp(-most, most);
+        self.last_steer_rad = (now_rad + change_rad).clamp(-most, most);
+        let (front_slip_use, rear_slip_use, yaw_rate_use) = self.grip_use(ego, scene.road.adhesion());
+        SteerPlan { steer_rad, rung, solve, front_slip_use, rear_slip_use, yaw_rate_use }
+    }
+
+    fn grip_use(&self, ego: &VehicleState, adhesion: f64) -> (f64, f64, f64) {
+        let speed_mps = ego.speed_mps.max(MODEL_SPEED_MIN_MPS);
+        let (front, rear) =
+            slip_angles_rad(&self.params, speed_mps, ego.lateral_speed_mps, ego.yaw_rate_radps, ego.steer_rad);
+        let (front_limit, rear_limit) = slip_limits_rad(&self.params, adhesion);
+        let yaw_limit = adhesion * GRAVITY_MPS2 / speed_mps;
+        (front.abs() / front_limit, rear.abs() / rear_limit, ego.yaw_rate_radps.abs() / yaw_limit)
+    }
+}
