@@ -5,3 +5,5 @@ pub mod metrics;
 pub mod stats;
 pub mod trace_file;
 pub mod run_dir;
+//! TODO
+pub mod data;

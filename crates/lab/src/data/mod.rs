@@ -1,0 +1,6 @@
+//! Recorded traffic, read strictly: every value is checked where it enters, and an error names file, line and column.
+
+pub mod events;
+mod table;
+
+pub use table::{TableError, TableErrorKind};
