@@ -1,6 +1,7 @@
 //! What the other vehicles will do: from a scene to a forecast.
 
 mod constant;
+mod idm_rollout;
 
 use serde::{Deserialize, Serialize};
 
@@ -71,6 +72,8 @@ pub enum Predictor {
     /// Constant speed along the road.
     #[default]
     ConstantVelocity,
+    /// Each follows its predecessor by the Intelligent Driver Model with nominal parameters.
+    IdmRollout,
 }
 
 impl Predictor {
@@ -79,6 +82,7 @@ impl Predictor {
         forecast.reset(scene.neighbors.len());
         match self {
             Self::ConstantVelocity => constant::forecast(scene, forecast),
+            Self::IdmRollout => idm_rollout::forecast(scene, forecast),
         }
     }
 }
