@@ -2,6 +2,7 @@
 
 pub mod config;
 pub mod metrics;
+pub mod report;
 pub mod stats;
 pub mod trace_file;
 pub mod run_dir;

@@ -1,0 +1,190 @@
+//! Reports of full, minimal and hostile data.
+
+mod sample;
+
+use super::*;
+use crate::metrics::Interval;
+use sample::{full, result};
+
+const HOSTILE: &str = "</script><script>alert(1)</script><img src=x onerror=\"alert(2)\">'{{body}}<!--";
+
+/// The text between the first `from` and the next `to`.
+fn between<'a>(text: &'a str, from: &str, to: &str) -> &'a str {
+    let (_, rest) = text.split_once(from).unwrap();
+    rest.split_once(to).unwrap().0
+}
+
+fn episode(page: &str) -> serde_json::Value {
+    serde_json::from_str(between(page, "type=\"application/json\">", "</script>")).unwrap()
+}
+
+/// Every attribute `d`, `x`, `points`, … of the drawings holds numbers only.
+fn assert_drawings_are_numeric(page: &str) {
+    for word in ["NaN", "inf", "-inf"] {
+        for svg in page.split("<svg").skip(1).map(|s| s.split_once("</svg>").unwrap().0) {
+            for attribute in svg.split('"').skip(1).step_by(2) {
+                assert!(
+                    attribute.contains("role") || !attribute.split([' ', ',', 'M', 'L', 'H', 'V']).any(|w| w == word)
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_full_report_has_its_sections_in_order() {
+    let page = render(&full());
+    let headings: Vec<&str> = page.split("<h2>").skip(1).map(|s| s.split_once("</h2>").unwrap().0).collect();
+    let expected = [
+        "Read with this in mind",
+        "Watch an episode",
+        "Results",
+        "Learning",
+        "Learned human reward",
+        "Where the time went",
+        "Run it again",
+    ];
+    assert_eq!(headings, expected);
+    assert_drawings_are_numeric(&page);
+    assert_eq!(page, render(&full()), "equal data give equal bytes");
+}
+
+#[test]
+fn the_page_loads_nothing() {
+    for page in [render(&full()), render(&ReportData::default())] {
+        assert!(page.contains("default-src 'none'"));
+        for word in ["http:", "https:", "//", "@import", "url(", " src=", "import("] {
+            let scripts_and_styles = page.replace("// ", "");
+            assert!(!scripts_and_styles.contains(word), "{word}");
+        }
+    }
+}
+
+#[test]
+fn tags_are_balanced() {
+    let page = render(&full());
+    for tag in
+        ["section", "div", "svg", "table", "tr", "td", "th", "ul", "li", "details", "figure", "script", "p", "span"]
+    {
+        let opened = page.matches(&format!("<{tag} ")).count() + page.matches(&format!("<{tag}>")).count();
+        assert_eq!(opened, page.matches(&format!("</{tag}>")).count(), "{tag}");
+    }
+}
+
+#[test]
+fn the_episode_parses_back() {
+    let data = full();
+    let (page, trace) = (render(&data), data.trace.unwrap());
+    let episode = episode(&page);
+    let frames: usize = trace.ticks.iter().map(|t| t.frames.len()).sum();
+    assert_eq!(episode["frames"].as_array().unwrap().len(), frames);
+    assert_eq!(episode["ticks"].as_array().unwrap().len(), trace.ticks.len());
+    let first = &trace.ticks[0].frames[0];
+    assert_eq!(episode["frames"][0]["vehicles"].as_array().unwrap().len(), 4 * first.vehicles.len());
+    assert!((episode["frames"][0]["s"].as_f64().unwrap() - first.ego.s_m).abs() <= 0.005);
+    assert_eq!(episode["ticks"][0]["words"], "Accelerate");
+    assert_eq!(episode["ticks"][0]["weights"], "q1 = 0.025");
+}
+
+#[test]
+fn lane_changes_are_found_with_their_sides() {
+    let changes = player::lane_changes(&full().trace.unwrap());
+    let sides: Vec<bool> = changes.iter().map(|c| c.left).collect();
+    assert_eq!(sides, [true, false]);
+    for change in changes {
+        assert!((3.0..6.0).contains(&(change.end_s - change.start_s)));
+    }
+}
+
+#[test]
+fn an_empty_report_is_a_page() {
+    let page = render(&ReportData { title: "Empty".into(), ..ReportData::default() });
+    assert!(page.contains("<h1>Empty</h1>") && !page.contains("<section>") && !page.contains("<script"));
+    let mut data = full();
+    data.trace.as_mut().unwrap().ticks.clear();
+    data.curves[0].1.clear();
+    data.irl.as_mut().unwrap().features.clear();
+    let page = render(&data);
+    assert!(!page.contains("id=\"player\""));
+    assert_drawings_are_numeric(&page);
+}
+
+#[test]
+fn names_stay_text() {
+    let mut data = full();
+    data.title = HOSTILE.into();
+    data.summary = vec![HOSTILE.into()];
+    data.statements.push(HOSTILE.into());
+    data.results[0].policy = HOSTILE.into();
+    data.curves[0].0 = HOSTILE.into();
+    data.time_shares[0].0 = HOSTILE.into();
+    data.seeds[0] = (HOSTILE.into(), HOSTILE.into());
+    data.config_toml = HOSTILE.into();
+    let irl = data.irl.as_mut().unwrap();
+    irl.source = HOSTILE.into();
+    irl.features[0].name = HOSTILE.into();
+    let trace = data.trace.as_mut().unwrap();
+    trace.header.policy = HOSTILE.into();
+    trace.ticks[0].action_name = HOSTILE.into();
+    let page = render(&data);
+    for tag in ["<script>alert", "<img", "<!--"] {
+        assert!(!page.contains(tag), "{tag}");
+    }
+    assert_eq!(page.matches("<script").count(), 2);
+    assert_eq!(page.matches("</script>").count(), 2);
+    assert!(episode(&page)["ticks"][0]["words"].as_str().unwrap().ends_with("<!--"));
+}
+
+#[test]
+fn numbers_that_are_none_break_nothing() {
+    for odd in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, f64::MIN_POSITIVE] {
+        let mut data = full();
+        data.results[0].reward_per_tick = Interval { mean: odd, low: odd, high: odd };
+        data.results[1].collisions_per_episode.high = odd;
+        data.curves[0].1[3].reward_per_tick = odd;
+        data.time_shares[0].1 = odd;
+        let irl = data.irl.as_mut().unwrap();
+        irl.features[0].weight = odd;
+        irl.features[1].interval = Some(Interval { mean: 0.0, low: odd, high: odd });
+        let trace = data.trace.as_mut().unwrap();
+        trace.header.ego_length_m = odd;
+        trace.ticks[2].frames[0].ego.speed_mps = odd;
+        trace.ticks[2].frames[1].time_s = odd;
+        trace.ticks[2].frames[2].vehicles[0].ahead_m = odd;
+        trace.ticks[3].path.as_mut().into_iter().for_each(|p| p.duration_s = odd);
+        trace.ticks[0].frames[0].ego.d_m = odd;
+        let page = render(&data);
+        assert_drawings_are_numeric(&page);
+        episode(&page);
+    }
+}
+
+#[test]
+fn only_a_clear_best_is_marked() {
+    let interval = |low: f64, high: f64| Interval { mean: f64::midpoint(low, high), low, high };
+    let clear = [interval(1.0, 2.0), interval(2.5, 3.0), interval(0.0, 0.5)];
+    assert_eq!(table::clear_best(&clear, true), Some(1));
+    assert_eq!(table::clear_best(&clear, false), Some(2));
+    assert_eq!(table::clear_best(&[interval(1.0, 2.6), interval(2.5, 3.0)], true), None);
+    assert_eq!(table::clear_best(&clear[..1], true), None);
+    let odd = [interval(f64::NAN, f64::NAN), interval(2.5, 3.0)];
+    assert_eq!(table::clear_best(&odd, true), None);
+}
+
+#[test]
+fn a_reading_is_written_from_the_results_and_says_what_is_open() {
+    let mut data =
+        ReportData { results: vec![result("a", 18.0, 0.1), result("b", 18.1, 0.1)], ..ReportData::default() };
+    assert!(render(&data).contains("the order of these is not settled"));
+    data.results[0] = result("a", 15.0, 0.1);
+    assert!(render(&data).contains("lies above all others"));
+}
+
+/// Writes the sample for a person to look at: `cargo test -p lanecraft-lab write_the_sample -- --ignored`.
+#[test]
+#[ignore = "writes a file to look at"]
+fn write_the_sample() {
+    let path = std::env::temp_dir().join("lanecraft-sample-report.html");
+    std::fs::write(&path, render(&full())).unwrap();
+    println!("{}", path.display());
+}
