@@ -1,2 +1,35 @@
-//! The `lanecraft` binary.
-fn main() {}
+//! The `lanecraft` binary: reads the command line, calls the library, prints.
+//!
+//! Exit codes: 0 done; 2 the input or the machine does not allow it, with a message that says what to change; 1 a bug of ours.
+
+mod args;
+mod commands;
+mod output;
+
+use std::io;
+use std::process::ExitCode;
+
+use crate::args::Cli;
+use crate::output::complain;
+
+fn main() -> ExitCode {
+    let cli = Cli::read();
+    // Wrong input is an `Err`; what panics is our own fault, and the panic has said where.
+    match std::panic::catch_unwind(|| commands::run(cli)) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(error)) if reader_left(&error) => ExitCode::SUCCESS,
+        Ok(Err(error)) => {
+            complain(&format!("error: {error:#}"));
+            ExitCode::from(2)
+        }
+        Err(_) => {
+            complain("error: this is a bug in lanecraft; please report it with the lines above and the command");
+            ExitCode::from(1)
+        }
+    }
+}
+
+/// Whether the reader of our output closed it, as `| head` does.
+fn reader_left(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
+}

@@ -214,6 +214,14 @@ impl RunDir {
         Ok((run, manifest))
     }
 
+    /// Whether a run can be made at `path`, to be asked before long work.
+    ///
+    /// # Errors
+    /// As [`Self::create`], of which this is the first step.
+    pub fn check(path: &Path, existing: Existing) -> Result<(), RunDirError> {
+        Self::place(path, existing).map(drop)
+    }
+
     /// The folder.
     pub fn path(&self) -> &Path {
         &self.path

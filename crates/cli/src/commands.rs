@@ -1,0 +1,41 @@
+//! The commands, one file each: check the arguments, call the library, print what it found.
+
+pub(crate) mod bench;
+pub(crate) mod evaluate;
+pub(crate) mod irl;
+pub(crate) mod quickstart;
+pub(crate) mod replay;
+pub(crate) mod report;
+pub(crate) mod train;
+
+use clap::Subcommand;
+
+use crate::args::Cli;
+use crate::output::Output;
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Quickstart(quickstart::Quickstart),
+    #[command(subcommand)]
+    Irl(irl::Irl),
+    Train(train::Train),
+    Evaluate(evaluate::Evaluate),
+    Report(report::Report),
+    Replay(replay::Replay),
+    Bench(bench::Bench),
+}
+
+/// Runs the command.
+pub(crate) fn run(cli: Cli) -> anyhow::Result<()> {
+    let output = Output::new(cli.quiet);
+    match cli.command {
+        Command::Quickstart(command) => command.run(output),
+        Command::Irl(irl::Irl::Fit(command)) => command.run(output),
+        Command::Train(command) => command.run(output),
+        Command::Evaluate(command) => command.run(output),
+        Command::Report(command) => command.run(output),
+        Command::Replay(command) => command.run(output),
+        Command::Bench(command) => command.run(output),
+    }
+}

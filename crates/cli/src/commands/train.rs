@@ -1,0 +1,95 @@
+//! `lanecraft train`.
+
+use std::path::PathBuf;
+
+use anyhow::bail;
+use clap::{Args, ValueEnum};
+use lanecraft_lab::config::RunConfig;
+use lanecraft_lab::run_dir::{Existing, MANIFEST, RunDir};
+
+use crate::args::{ConfigArgs, ThreadsArg, flag};
+use crate::output::{Output, answer};
+
+const EXAMPLES: &str = "\
+Examples:
+  lanecraft train --out runs/mine
+  lanecraft train --preset paper --algorithm dqn --seed 3 --out runs/paper-dqn-3
+  lanecraft train --decisions 20000 --set learner.discount=0.97 --out runs/short
+  lanecraft train --out runs/mine --resume
+
+The folder gets config.toml, manifest.json, the logs and the checkpoint.
+--resume goes on from the checkpoint; without one it starts anew, and on a finished run it does nothing.";
+
+/// Train a policy and write everything about it to a folder
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Train {
+    /// Folder of the run
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Learner
+    #[arg(long, value_enum)]
+    algorithm: Option<Algorithm>,
+    /// Seed of everything random
+    #[arg(long, value_name = "S")]
+    seed: Option<u64>,
+    /// Decisions to take in all
+    #[arg(long, value_name = "N")]
+    decisions: Option<u64>,
+    /// Go on with an interrupted run
+    #[arg(long, conflicts_with = "force")]
+    resume: bool,
+    /// Replace a run that has this folder
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    config: ConfigArgs,
+    #[command(flatten)]
+    threads: ThreadsArg,
+}
+
+/// Name of a learner.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Algorithm {
+    /// Several heads that vote (Osband et al., 2016)
+    BootstrappedDqn,
+    /// One head (Mnih et al., 2015)
+    Dqn,
+    /// One head, chosen by one net and valued by the other (van Hasselt et al., 2016)
+    DoubleDqn,
+}
+
+impl Algorithm {
+    fn name(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
+}
+
+impl Train {
+    pub(crate) fn run(self, output: Output) -> anyhow::Result<()> {
+        let flags = [
+            flag("learner.algorithm", self.algorithm.map(Algorithm::name)),
+            flag("training.seed", self.seed),
+            flag("training.decisions", self.decisions),
+        ];
+        let config = self.config.resolve(flags.into_iter().flatten().collect())?;
+        if self.resume && self.out.join(MANIFEST).exists() {
+            let (run, manifest) = RunDir::open(&self.out)?;
+            if manifest.finished {
+                return Ok(answer(&format!("{} is finished", run.path().display()))?);
+            }
+        } else {
+            RunDir::check(&self.out, if self.force { Existing::Replace } else { Existing::Refuse })?;
+        }
+        let bar = output.progress(config.training.decisions, "decisions");
+        let result = self.train(&config, &|decisions| bar.set_position(decisions));
+        bar.finish_and_clear();
+        result
+    }
+
+    fn train(&self, config: &RunConfig, report: &dyn Fn(u64)) -> anyhow::Result<()> {
+        report(0);
+        let (decisions, threads) = (config.training.decisions, self.threads.count());
+        bail!("training ({decisions} decisions on {threads} threads) is not built yet")
+    }
+}

@@ -1,0 +1,136 @@
+//! Bad input against the built binary: exit code 2, a message that says what to change, and nothing written.
+
+#![allow(clippy::unwrap_used, reason = "a test")]
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+/// Runs the binary in `folder` with the words of `line` as arguments.
+fn lanecraft(folder: &Path, line: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_lanecraft")).args(line.split_whitespace()).current_dir(folder).output().unwrap()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// A folder with a finished run, an interrupted run, a folder that is no run, and files that are broken.
+fn workplace() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    for (name, finished) in [("finished", true), ("interrupted", false)] {
+        fs::create_dir(path.join(name)).unwrap();
+        let manifest = format!(
+            r#"{{"schema": 1, "version": "0.1.0", "commit": "unknown", "command": "train", "preset": "default",
+               "seed": 0, "config_sha256": "", "finished": {finished}, "files": {{}}}}"#
+        );
+        fs::write(path.join(name).join("manifest.json"), manifest).unwrap();
+    }
+    fs::create_dir(path.join("photos")).unwrap();
+    fs::write(path.join("photos/cat.jpg"), "cat").unwrap();
+    fs::create_dir(path.join("broken")).unwrap();
+    fs::write(path.join("broken/manifest.json"), "{").unwrap();
+    fs::write(path.join("misspelt.toml"), "[training]\n\nsed = 3\n").unwrap();
+    fs::write(path.join("no.toml"), "[training\n").unwrap();
+    fs::write(path.join("binary.toml"), [0xff_u8, 0xfe, 0x00]).unwrap();
+    folder
+}
+
+/// Command line, and what the message must contain.
+const REFUSED: &[(&str, &[&str])] = &[
+    // Keys and values of the configuration.
+    ("--set training.sed=1", &["`training.sed`", "value 1", "did you mean `training.seed`?"]),
+    ("quickstart --set trainin.seed=1", &["`trainin.seed`", "did you mean `training.seed`?"]),
+    ("train --out new --set decisions=1", &["did you mean `training.decisions`?"]),
+    ("train --out new --set training.episode_s=0", &["`training.episode_s` is 0", "1..=3600"]),
+    ("train --out new --set training.episode_s=nan", &["`training.episode_s` is nan", "finite"]),
+    ("train --out new --set training.episode_s=long", &["`training.episode_s` is \"long\"", "a number"]),
+    ("train --out new --set training.seed=1.5", &["`training.seed` is 1.5", "a whole number"]),
+    ("train --out new --set training.seed", &["key=value"]),
+    ("train --out new --seed 99999999", &["`training.seed` is 99999999", "0..=1048575"]),
+    ("train --out new --decisions 0", &["`training.decisions` is 0"]),
+    ("evaluate rule:random --episodes 0", &["`evaluation.episodes` is 0"]),
+    // Files of the configuration.
+    ("train --out new --config misspelt.toml", &["misspelt.toml:3", "did you mean `training.seed`?"]),
+    ("train --out new --config no.toml", &["no.toml:1"]),
+    ("train --out new --config binary.toml", &["cannot read binary.toml"]),
+    ("train --out new --config missing.toml", &["cannot read missing.toml"]),
+    ("train --out new --config photos", &["cannot read photos"]),
+    // Names.
+    ("trian", &["'train'"]),
+    ("train --out new --preset papr", &["papr", "paper"]),
+    ("train --out new --algorithm doubel-dqn", &["doubel-dqn", "double-dqn"]),
+    ("train --out new --forse", &["--forse", "--force"]),
+    ("evaluate rule:best-lan", &["rule:best-lan", "did you mean `rule:best-lane`?"]),
+    ("evaluate best-lane", &["best-lane", "did you mean `rule:best-lane`?"]),
+    // Missing, broken and unfit files and folders.
+    ("evaluate", &["DIR|rule:NAME"]),
+    ("evaluate finishd", &["finishd", "did you mean `finished`?"]),
+    ("evaluate photos", &["photos is not a run"]),
+    ("evaluate broken", &["broken/manifest.json is broken"]),
+    ("report", &["RUN"]),
+    ("report no.toml", &["this is no folder"]),
+    ("report broken", &["broken/manifest.json is broken"]),
+    ("replay missing.json", &["there is no such file"]),
+    ("replay photos", &["this is a folder"]),
+    ("irl fit --data nowhere", &["there is no such folder"]),
+    ("--data nowhere", &["there is no such folder"]),
+    ("irl fit --data photos --synthetic", &["cannot be used with"]),
+    ("train", &["--out"]),
+    ("train --out new --threads 0", &["1..=1024"]),
+    // Runs that exist.
+    ("train --out finished", &["finished exists already", "--force"]),
+    ("train --out photos", &["photos exists already"]),
+    ("train --out photos --force", &["photos is not a run", "left alone"]),
+    ("train --out broken --force", &["broken is not a run", "left alone"]),
+    ("train --out no.toml --force", &["no.toml"]),
+    ("train --out no.toml/run", &["no.toml/run"]),
+    ("train --out new --resume --force", &["cannot be used with"]),
+    ("train --out photos --resume", &["photos exists already"]),
+    ("train --out broken --resume", &["broken/manifest.json is broken"]),
+];
+
+#[test]
+fn bad_input_is_refused_by_name_and_nothing_is_written() {
+    let folder = workplace();
+    let before = names(folder.path());
+    for (line, expected) in REFUSED {
+        let output = lanecraft(folder.path(), line);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "`{line}`: {message}");
+        for part in *expected {
+            assert!(message.contains(part), "`{line}` should say `{part}`, but says: {message}");
+        }
+        assert!(!message.contains("panicked"), "`{line}`: {message}");
+        assert!(output.stdout.is_empty(), "`{line}` printed a result");
+        assert_eq!(names(folder.path()), before, "`{line}` wrote something");
+    }
+    assert_eq!(names(&folder.path().join("finished")), ["manifest.json"]);
+    assert_eq!(fs::read(folder.path().join("photos/cat.jpg")).unwrap(), b"cat");
+}
+
+#[test]
+fn help_shows_examples_for_every_command() {
+    let folder = tempfile::tempdir().unwrap();
+    for command in ["", "quickstart", "irl fit", "train", "evaluate", "report", "replay", "bench"] {
+        let output = lanecraft(folder.path(), &format!("{command} --help"));
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert_eq!(output.status.code(), Some(0), "{command}");
+        let example = format!("  lanecraft {command}");
+        assert!(text.contains("Examples:") && text.contains(example.trim_end()), "{command}: {text}");
+    }
+}
+
+#[test]
+fn resuming_a_finished_run_does_nothing() {
+    let folder = workplace();
+    let output = lanecraft(folder.path(), "train --out finished --resume");
+    assert_eq!(output.status.code(), Some(0));
+    assert_eq!(String::from_utf8_lossy(&output.stdout), "finished is finished\n");
+    assert_eq!(names(&folder.path().join("finished")), ["manifest.json"]);
+}
