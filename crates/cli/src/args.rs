@@ -21,7 +21,7 @@ Every number is a key: see presets/default.toml, and change it with --set key=va
 
 /// Learn to drive on a busy highway: decide, plan and control in one closed loop.
 #[derive(Debug, Parser)]
-#[command(name = "lanecraft", version, after_help = EXAMPLES, after_long_help = EXAMPLES)]
+#[command(name = "lanecraft", version, after_help = EXAMPLES)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
