@@ -1,1 +1,463 @@
-//! What the ego car carries from one step to the next.
+//! The ego car's mind and what it carries from one step to the next: the path it follows, the plans it weighs, the controllers'
+//! warm starts and the counts of everything that did not go as planned.
+//!
+//! It is handed a [`Scene`] and answers with a [`ControlInput`]; it never sees the world.
+
+use crate::config::ConfigError;
+use crate::control::{
+    ControlConfig, ControlWeights, Guard, GuardCause, LateralMpc, LateralReference, LongitudinalMpc, Rung, SpeedGoal,
+};
+use crate::decide::{
+    ActionMask, ActionSet, ActionsConfig, Decision, Maneuver, ShieldCause, ShieldConfig, check_lane_change,
+};
+use crate::models::rss::Braking;
+use crate::plan::{LaneChangePath, Planner, PlannerConfig, Refusal, Window};
+use crate::predict::{Forecast, Predictor};
+use crate::road::{LaneIndex, Side};
+use crate::scene::Scene;
+use crate::vehicle::{ControlInput, VehicleParams};
+
+/// Everything that shapes a driver.
+#[derive(Clone, Debug)]
+pub struct DriverSetup<'a> {
+    /// The car.
+    pub vehicle: &'a VehicleParams,
+    /// The planner.
+    pub planner: &'a PlannerConfig,
+    /// The controllers.
+    pub control: &'a ControlConfig,
+    /// The action set.
+    pub actions: &'a ActionsConfig,
+    /// The shield.
+    pub shield: &'a ShieldConfig,
+    /// The forecast.
+    pub predictor: Predictor,
+    /// Whether the planner's veto is the action mask (default) or comes after the decision (paper).
+    pub plan_first: bool,
+    /// Time between two control steps, s.
+    pub control_period_s: f64,
+}
+
+/// A part of the loop, for those who measure where time goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// From the world to the scene.
+    Perception,
+    /// From the scene to the forecast.
+    Forecast,
+    /// Windows and choice of lane-change paths.
+    Planner,
+    /// The longitudinal controller.
+    LongitudinalMpc,
+    /// The lateral controller.
+    LateralMpc,
+    /// The guard.
+    Guard,
+    /// The car's dynamics.
+    Plant,
+    /// The other vehicles.
+    Traffic,
+}
+
+impl Part {
+    /// All parts in the order of the loop.
+    pub const ALL: [Self; 8] = [
+        Self::Perception,
+        Self::Forecast,
+        Self::Planner,
+        Self::LongitudinalMpc,
+        Self::LateralMpc,
+        Self::Guard,
+        Self::Plant,
+        Self::Traffic,
+    ];
+
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Perception => "perception",
+            Self::Forecast => "forecast",
+            Self::Planner => "planner",
+            Self::LongitudinalMpc => "longitudinal MPC",
+            Self::LateralMpc => "lateral MPC",
+            Self::Guard => "guard",
+            Self::Plant => "plant",
+            Self::Traffic => "traffic",
+        }
+    }
+}
+
+/// Why a lane change is not on offer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Denial {
+    /// The planner finds no path.
+    Planner(Refusal),
+    /// The shield forbids it.
+    Shield(ShieldCause),
+}
+
+/// What the driver does at present.
+#[derive(Clone, Debug, PartialEq)]
+enum Activity {
+    Keeping { accel_mps2: f64, weights: ControlWeights },
+    Changing(Change),
+}
+
+/// A lane change under way.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    /// The path.
+    pub path: LaneChangePath,
+    /// Control steps since it began.
+    pub elapsed_steps: u32,
+    /// Speed to hold, m/s.
+    pub entry_speed_mps: f64,
+    /// Weights of the controllers.
+    pub weights: ControlWeights,
+    /// Whether it is a return to the lane that the car had not left.
+    pub aborted: bool,
+}
+
+/// What did not go as planned since the start of the episode.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DriverCounts {
+    /// Lane changes begun.
+    pub lane_changes: u32,
+    /// Lane changes aborted.
+    pub aborts: u32,
+    /// Lane changes asked for and refused by the planner.
+    pub refusals: u32,
+    /// Ticks in which the shield forbade a lane change that the planner allowed.
+    pub shield: u32,
+    /// Control steps in which the guard braked in place of the command.
+    pub guard: u32,
+    /// Control steps in which a command was cut to the actuators' limits.
+    pub limits: u32,
+    /// Control steps by the rung of the ladder of fall-backs that the worse controller ended on, beyond `Solved`.
+    pub fallbacks: [u32; 4],
+}
+
+/// The ego car's mind.
+#[derive(Clone, Debug)]
+pub struct Driver {
+    scene: Scene,
+    forecast: Forecast,
+    predictor: Predictor,
+    planner: Planner,
+    shield: ShieldConfig,
+    braking: Braking,
+    actions: ActionSet,
+    plan_first: bool,
+    longitudinal: LongitudinalMpc,
+    lateral: LateralMpc,
+    guard: Guard,
+    control_period_s: f64,
+    speed_max_mps: f64,
+    activity: Activity,
+    lane: LaneIndex,
+    steps_since_change: u32,
+    offers: [Result<Window, Denial>; 2],
+    counts: DriverCounts,
+    guarded: bool,
+}
+
+/// A driver that has just started has not changed lane for this long, in control steps.
+const LONG_AGO_STEPS: u32 = 1 << 20;
+
+impl Driver {
+    /// A driver in the middle of its lane. `scene` gives the road and the car's size; it is filled by the first perception.
+    pub fn new(setup: &DriverSetup, scene: Scene, lane: LaneIndex) -> Result<Self, ConfigError> {
+        let nothing =
+            ControlWeights { speed_ratio: setup.actions.change_speed_ratio, path_ratio: setup.actions.keep_path_ratio };
+        let braking = setup.control.braking(scene.road.adhesion());
+        Ok(Self {
+            scene,
+            forecast: Forecast::default(),
+            predictor: setup.predictor,
+            planner: Planner::new(setup.planner, setup.vehicle)?,
+            shield: setup.shield.clone(),
+            braking,
+            actions: ActionSet::new(setup.actions)?,
+            plan_first: setup.plan_first,
+            longitudinal: LongitudinalMpc::new(setup.control, setup.vehicle, setup.control_period_s),
+            lateral: LateralMpc::new(setup.control, setup.vehicle, setup.control_period_s),
+            guard: Guard::new(setup.control, setup.vehicle, setup.control_period_s),
+            control_period_s: setup.control_period_s,
+            speed_max_mps: setup.control.speed_max_mps,
+            activity: Activity::Keeping { accel_mps2: 0.0, weights: nothing },
+            lane,
+            steps_since_change: LONG_AGO_STEPS,
+            offers: [Err(Denial::Planner(Refusal::NoLane)); 2],
+            counts: DriverCounts::default(),
+            guarded: false,
+        })
+    }
+
+    /// What the driver knows.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// The scene, to be filled by perception.
+    pub fn scene_mut(&mut self) -> &mut Scene {
+        &mut self.scene
+    }
+
+    /// The forecast of the last look ahead.
+    pub fn forecast(&self) -> &Forecast {
+        &self.forecast
+    }
+
+    /// The planner.
+    pub fn planner(&self) -> &Planner {
+        &self.planner
+    }
+
+    /// The actions.
+    pub fn actions(&self) -> &ActionSet {
+        &self.actions
+    }
+
+    /// The safe-distance law's parameters.
+    pub fn braking(&self) -> &Braking {
+        &self.braking
+    }
+
+    /// The counts.
+    pub fn counts(&self) -> &DriverCounts {
+        &self.counts
+    }
+
+    /// Whether the guard changed the last command.
+    pub fn guarded(&self) -> bool {
+        self.guarded
+    }
+
+    /// The lane change under way, if any.
+    pub fn change(&self) -> Option<&Change> {
+        match &self.activity {
+            Activity::Changing(change) => Some(change),
+            Activity::Keeping { .. } => None,
+        }
+    }
+
+    /// The lane the car keeps or changes into: its turn signal.
+    pub fn target_lane(&self) -> LaneIndex {
+        self.lane
+    }
+
+    /// Time since the last lane change ended, s.
+    pub fn since_change_s(&self) -> f64 {
+        f64::from(self.steps_since_change) * self.control_period_s
+    }
+
+    /// The lane change on offer at this tick, or why there is none.
+    pub fn offer(&self, side: Side) -> &Result<Window, Denial> {
+        &self.offers[side as usize]
+    }
+
+    /// Once a tick, before the decision: ends a lane change that has run its course and weighs both sides.
+    pub fn consider(&mut self, lap: &mut impl FnMut(Part)) {
+        self.finish_change();
+        self.look_ahead();
+        lap(Part::Forecast);
+        if self.change().is_none() {
+            for side in Side::BOTH {
+                self.offers[side as usize] = self.weigh(side);
+            }
+        }
+        lap(Part::Planner);
+    }
+
+    /// Which actions the coming decision may take.
+    pub fn mask(&self) -> ActionMask {
+        if let Some(change) = self.change() {
+            let mask = ActionMask::default().with(self.actions.continue_action());
+            return match self.return_path(change) {
+                Some(_) if self.plan_first => mask.with(self.actions.abort_action()),
+                _ => mask,
+            };
+        }
+        let allowed = |decision: &Decision| match decision.maneuver {
+            Maneuver::Keep { .. } => true,
+            Maneuver::Change(side) => !self.plan_first || self.offer(side).is_ok(),
+            Maneuver::ChangeWhereRoom => !self.plan_first || self.roomier_side().is_some(),
+            Maneuver::Continue | Maneuver::Abort => false,
+        };
+        let decisions = self.actions.decisions().iter().enumerate();
+        decisions.filter(|(_, d)| allowed(d)).fold(ActionMask::default(), |mask, (action, _)| mask.with(action))
+    }
+
+    /// Takes a decision.
+    pub fn decide(&mut self, decision: Decision) {
+        match decision.maneuver {
+            Maneuver::Keep { accel_mps2 } => {
+                self.activity = Activity::Keeping { accel_mps2, weights: decision.weights };
+            }
+            Maneuver::Change(side) => self.begin_change(Some(side), decision.weights),
+            Maneuver::ChangeWhereRoom => self.begin_change(self.roomier_side(), decision.weights),
+            Maneuver::Continue => {}
+            Maneuver::Abort => self.abort(),
+        }
+    }
+
+    /// Where the car should be across the road now, m.
+    pub fn reference_d_m(&self) -> f64 {
+        match &self.activity {
+            Activity::Keeping { .. } => self.scene.road.lane_center_m(self.lane),
+            Activity::Changing(change) => {
+                change.path.quintic.at(f64::from(change.elapsed_steps) * self.control_period_s).0
+            }
+        }
+    }
+
+    /// One control step: forecast, both controllers, guard.
+    pub fn control(&mut self, lap: &mut impl FnMut(Part)) -> ControlInput {
+        self.look_ahead();
+        lap(Part::Forecast);
+        let (goal, weights) = self.goal();
+        let speed = self.longitudinal.plan(&self.scene, &self.forecast, &goal, weights.speed_ratio);
+        lap(Part::LongitudinalMpc);
+        let reference = match &self.activity {
+            Activity::Keeping { .. } => LateralReference::LaneCenter { d_m: self.scene.road.lane_center_m(self.lane) },
+            Activity::Changing(change) => LateralReference::Path {
+                coefficients: &change.path.quintic.coefficients,
+                duration_s: change.path.quintic.duration_s,
+                elapsed_s: f64::from(change.elapsed_steps) * self.control_period_s,
+            },
+        };
+        let steer = self.lateral.plan(&self.scene, reference, &speed.speeds_mps, weights.path_ratio);
+        lap(Part::LateralMpc);
+        self.count_rungs(speed.rung, steer.rung);
+        let wanted = ControlInput { accel_mps2: speed.accel_mps2, steer_rad: steer.steer_rad };
+        let input = self.guarded_input(wanted);
+        match &mut self.activity {
+            Activity::Changing(change) => change.elapsed_steps += 1,
+            Activity::Keeping { .. } => self.steps_since_change = self.steps_since_change.saturating_add(1),
+        }
+        lap(Part::Guard);
+        input
+    }
+
+    fn look_ahead(&mut self) {
+        self.predictor.forecast(&self.scene, &mut self.forecast);
+    }
+
+    /// A lane change is an option that ends at the first tick at or after its duration.
+    fn finish_change(&mut self) {
+        let Activity::Changing(change) = &self.activity else { return };
+        let elapsed_s = f64::from(change.elapsed_steps) * self.control_period_s;
+        if elapsed_s >= change.path.quintic.duration_s - 1e-9 {
+            self.activity = Activity::Keeping { accel_mps2: 0.0, weights: change.weights };
+            self.steps_since_change = 0;
+        }
+    }
+
+    fn weigh(&mut self, side: Side) -> Result<Window, Denial> {
+        let window = self.planner.window(&self.scene, &self.forecast, side).map_err(Denial::Planner)?;
+        if self.shield.enabled
+            && let Some(target) = self.scene.road.beside(self.lane, side)
+            && let Err(cause) = check_lane_change(&self.shield, &self.braking, &self.scene, target)
+        {
+            self.counts.shield += 1;
+            return Err(Denial::Shield(cause));
+        }
+        Ok(window)
+    }
+
+    /// The side with more room ahead among those on offer; the left one on a tie (the paper does not say which side to take).
+    fn roomier_side(&self) -> Option<Side> {
+        let room_m = |side| {
+            let window = self.offer(side).as_ref().ok()?;
+            let leader = self.scene.leader(window.to);
+            Some(leader.map_or(f64::INFINITY, |leader| leader.gap_m(self.scene.ego_length_m)))
+        };
+        match (room_m(Side::Left), room_m(Side::Right)) {
+            (Some(left_m), Some(right_m)) if right_m > left_m => Some(Side::Right),
+            (None, Some(_)) => Some(Side::Right),
+            (Some(_), _) => Some(Side::Left),
+            (None, None) => None,
+        }
+    }
+
+    /// Chooses a path; without one (the paper's order: decide first, plan after) the car keeps its lane and its speed.
+    fn begin_change(&mut self, side: Option<Side>, weights: ControlWeights) {
+        let window = side.and_then(|side| self.offer(side).as_ref().ok());
+        let Some(window) = window else {
+            self.counts.refusals += 1;
+            self.activity = Activity::Keeping { accel_mps2: 0.0, weights };
+            return;
+        };
+        let path = self.planner.choose(&self.scene, &self.forecast, window);
+        self.lane = path.to;
+        self.counts.lane_changes += 1;
+        let entry_speed_mps = self.scene.ego.speed_mps;
+        self.activity = Activity::Changing(Change { path, elapsed_steps: 0, entry_speed_mps, weights, aborted: false });
+    }
+
+    fn return_path(&self, change: &Change) -> Option<LaneChangePath> {
+        if change.aborted {
+            return None;
+        }
+        self.planner.abort(&self.scene, &change.path, f64::from(change.elapsed_steps) * self.control_period_s)
+    }
+
+    fn abort(&mut self) {
+        let Activity::Changing(change) = &self.activity else { return };
+        let Some(path) = self.return_path(change) else { return };
+        let (entry_speed_mps, weights) = (change.entry_speed_mps, change.weights);
+        self.lane = path.to;
+        self.counts.aborts += 1;
+        self.activity = Activity::Changing(Change { path, elapsed_steps: 0, entry_speed_mps, weights, aborted: true });
+    }
+
+    /// What the speed controller is to aim at: full speed when keeping, the entry speed when changing.
+    fn goal(&self) -> (SpeedGoal, ControlWeights) {
+        match &self.activity {
+            Activity::Keeping { accel_mps2, weights } => (
+                SpeedGoal {
+                    reference_accel_mps2: *accel_mps2,
+                    target_speed_mps: self.speed_max_mps,
+                    lanes: [Some(self.lane), None],
+                },
+                *weights,
+            ),
+            Activity::Changing(change) => (
+                SpeedGoal {
+                    reference_accel_mps2: 0.0,
+                    target_speed_mps: change.entry_speed_mps,
+                    lanes: [Some(change.path.from), Some(change.path.to)],
+                },
+                change.weights,
+            ),
+        }
+    }
+
+    /// The guard's word on a command; it may also call off a lane change whose target has become unsafe.
+    fn guarded_input(&mut self, wanted: ControlInput) -> ControlInput {
+        let leaving = self.change().map(|change| change.path.from);
+        let (input, cause) = self.guard.check(&self.scene, [Some(self.lane), leaving], wanted);
+        self.guarded = false;
+        match cause {
+            None => {}
+            Some(GuardCause::Limits) => self.counts.limits += 1,
+            Some(GuardCause::SafeDistance { .. } | GuardCause::NotFinite) => {
+                self.guarded = true;
+                self.counts.guard += 1;
+            }
+        }
+        if let Some(from) = leaving
+            && self.guard.abort_advised(&self.scene, from, self.lane)
+        {
+            self.abort();
+        }
+        input
+    }
+
+    fn count_rungs(&mut self, speed: Rung, steer: Rung) {
+        let worst = speed.max(steer);
+        if let Some(index) = (worst as usize).checked_sub(1) {
+            self.counts.fallbacks[index] += 1;
+        }
+    }
+}

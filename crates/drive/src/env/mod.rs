@@ -1,7 +1,15 @@
-//! The closed loop.
+//! The closed loop: a world, a car and its driver, one tick at a time.
 
+mod config;
+mod environment;
+mod episode;
 mod record;
+mod step;
 
+pub use config::{Config, EnvConfig, Order, Periods, PredictionConfig};
+pub use environment::{Env, EnvError};
+pub use episode::{Episode, TIME_TO_COLLISION_CAP_S};
 pub use record::{
     CandidateRecord, EgoFrame, Frame, PathRecord, TRACE_SCHEMA, TickRecord, Trace, TraceHeader, VehicleFrame,
 };
+pub use step::{StepError, StepOutcome};

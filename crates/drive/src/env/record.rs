@@ -2,6 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::environment::Env;
+use crate::plan::LaneChangePath;
+use crate::road::Topology;
+
 /// Version of the trace format.
 pub const TRACE_SCHEMA: u32 = 1;
 
@@ -145,4 +149,88 @@ pub struct Trace {
     pub header: TraceHeader,
     /// Its ticks in order.
     pub ticks: Vec<TickRecord>,
+}
+
+impl Env {
+    /// The header of a trace that starts now. `scenario_seed` must be the seed this environment was made with.
+    pub fn trace_header(&self, policy: &str, scenario_seed: u64) -> TraceHeader {
+        let road = self.world.road().config();
+        TraceHeader {
+            schema: TRACE_SCHEMA,
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            policy: policy.to_owned(),
+            scenario_seed,
+            config_toml: toml::to_string(&*self.config).expect("all sections are tables of plain values"),
+            lanes: road.lanes,
+            lane_width_m: road.lane_width_m,
+            ring_length_m: if road.topology == Topology::Ring { road.length_m } else { 0.0 },
+            ego_length_m: self.config.vehicle.length_m,
+            ego_width_m: self.config.vehicle.width_m,
+            control_period_s: self.config.env.control_period_s,
+            decision_period_s: self.config.env.decision_period_s,
+        }
+    }
+
+    pub(super) fn begin_record(&self, action: usize) -> TickRecord {
+        TickRecord {
+            action,
+            action_name: self.actions().name(action),
+            mask: self.mask.0,
+            candidates: Vec::new(),
+            path: None,
+            score: 0.0,
+            frames: Vec::with_capacity(self.periods.control_steps as usize),
+        }
+    }
+
+    pub(super) fn frame(&self) -> Frame {
+        let ego = &self.ego;
+        let road = self.world.road();
+        let vehicles = self.world.vehicles().map(|vehicle| VehicleFrame {
+            id: vehicle.id.0,
+            ahead_m: road.ahead_m(ego.s_m, vehicle.s_m),
+            d_m: vehicle.d_m,
+            speed_mps: vehicle.speed_mps,
+            length_m: vehicle.length_m,
+            width_m: vehicle.width_m,
+        });
+        Frame {
+            time_s: self.episode.control_steps as f64 * self.config.env.control_period_s,
+            ego: EgoFrame {
+                s_m: self.driven_m,
+                d_m: ego.d_m,
+                heading_rad: ego.heading_rad,
+                speed_mps: ego.speed_mps,
+                sideslip_rad: self.sideslip_rad(),
+                yaw_rate_radps: ego.yaw_rate_radps,
+                accel_mps2: ego.accel_mps2,
+                steer_rad: ego.steer_rad,
+                guarded: self.driver.guarded(),
+            },
+            vehicles: vehicles.collect(),
+            digest: format!("{:016x}", self.digest()),
+        }
+    }
+
+    /// Notes the path that the tick follows and, if it begins a lane change, the candidates it was chosen from.
+    pub(super) fn record_path(&self, record: &mut TickRecord) {
+        let Some(change) = self.driver.change() else { return };
+        let elapsed_s = f64::from(change.elapsed_steps) * self.config.env.control_period_s;
+        let quintic = &change.path.quintic;
+        record.path =
+            Some(PathRecord { coefficients: quintic.coefficients, duration_s: quintic.duration_s, elapsed_s });
+        if let (0, false, Ok(window)) = (change.elapsed_steps, change.aborted, self.driver.offer(change.path.side)) {
+            let candidates = self.driver.planner().candidates(self.driver.scene(), self.driver.forecast(), window);
+            record.candidates = candidates.iter().map(|path| candidate_record(path, &change.path)).collect();
+        }
+    }
+}
+
+fn candidate_record(path: &LaneChangePath, chosen: &LaneChangePath) -> CandidateRecord {
+    CandidateRecord {
+        coefficients: path.quintic.coefficients,
+        duration_s: path.quintic.duration_s,
+        reward: path.reward,
+        chosen: path.quintic == chosen.quintic,
+    }
 }

@@ -2,5 +2,5 @@
 
 pub mod idm;
 pub mod mobil;
-pub mod safe_distance;
 pub mod rss;
+pub mod safe_distance;

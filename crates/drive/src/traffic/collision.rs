@@ -35,6 +35,17 @@ pub enum FaultClass {
 }
 
 impl FaultClass {
+    /// Its name in tables and logs.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::EgoRearEnds => "ego-rear-ends",
+            Self::EgoAfterChange => "ego-after-change",
+            Self::EgoCutsIn => "ego-cuts-in",
+            Self::OtherCutsIn => "other-cuts-in",
+            Self::OtherRearEnds => "other-rear-ends",
+        }
+    }
+
     /// Whether the ego is to blame.
     pub fn at_fault(self) -> bool {
         matches!(self, Self::EgoRearEnds | Self::EgoAfterChange | Self::EgoCutsIn)
