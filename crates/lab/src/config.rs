@@ -9,6 +9,7 @@ pub mod overlay;
 use std::path::Path;
 
 use lanecraft_drive::config::{ConfigError, check_range};
+use lanecraft_learn::LearnerConfig;
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
@@ -90,8 +91,6 @@ pub struct TrainingConfig {
     pub decisions: u64,
     /// Environments stepped side by side. The paper has one.
     pub environments: usize,
-    /// Length of an episode, s. The paper does not say; four lane changes fit into 40 s.
-    pub episode_s: f64,
     /// Decisions between two lines of the log.
     pub log_every_decisions: u64,
     /// Decisions between two checkpoints.
@@ -104,7 +103,6 @@ impl Default for TrainingConfig {
             seed: 0,
             decisions: 150_000,
             environments: 16,
-            episode_s: 40.0,
             log_every_decisions: 1_000,
             checkpoint_every_decisions: 10_000,
         }
@@ -117,7 +115,6 @@ impl TrainingConfig {
         check_range("training.seed", self.seed as f64, 0.0, MAX_SEED as f64)?;
         check_range("training.decisions", self.decisions as f64, 1.0, 1e9)?;
         check_range("training.environments", self.environments as f64, 1.0, 4096.0)?;
-        check_range("training.episode_s", self.episode_s, 1.0, 3600.0)?;
         check_range("training.log_every_decisions", self.log_every_decisions as f64, 1.0, 1e9)?;
         check_range("training.checkpoint_every_decisions", self.checkpoint_every_decisions as f64, 1.0, 1e9)
     }
@@ -144,20 +141,64 @@ impl Default for EvaluationConfig {
 impl EvaluationConfig {
     /// Checks every field.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        check_range("evaluation.episodes", self.episodes as f64, 1.0, 1e7)?;
+        check_range("evaluation.episodes", self.episodes as f64, 2.0, 1e7)?;
         check_range("evaluation.episode_s", self.episode_s, 1.0, 3600.0)?;
         check_range("evaluation.seed", self.seed as f64, 0.0, MAX_SEED as f64)
     }
 }
 
 /// Everything that decides what a run computes. How many threads compute it is not in here, because it changes nothing.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+///
+/// In TOML the sections of the environment stand beside those of the learner and of the lab.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunConfig {
+    /// The sections of the environment: `[env]`, `[road]`, `[traffic]`, …
+    pub environment: lanecraft_drive::env::Config,
+    /// Section `[learner]`.
+    pub learner: LearnerConfig,
     /// Section `[training]`.
     pub training: TrainingConfig,
     /// Section `[evaluation]`.
     pub evaluation: EvaluationConfig,
+}
+
+/// The sections that are not the environment's.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LabSections {
+    learner: LearnerConfig,
+    training: TrainingConfig,
+    evaluation: EvaluationConfig,
+}
+
+impl LabSections {
+    const NAMES: [&'static str; 3] = ["learner", "training", "evaluation"];
+}
+
+/// A setting out of range.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(transparent)]
+pub enum SettingError {
+    /// Of the environment or the lab.
+    Environment(#[from] ConfigError),
+    /// Of the learner.
+    Learner(#[from] lanecraft_learn::ConfigError),
+}
+
+impl SettingError {
+    /// The key it is about; empty if it names none that is known here.
+    fn key(&self) -> &'static str {
+        match self {
+            Self::Environment(
+                ConfigError::OutOfRange { key, .. }
+                | ConfigError::NotAMultiple { key, .. }
+                | ConfigError::WrongLength { key, .. }
+                | ConfigError::Reversed { low_key: key, .. },
+            ) => key,
+            Self::Learner(error) => error.key,
+            Self::Environment(_) => "",
+        }
+    }
 }
 
 impl RunConfig {
@@ -182,36 +223,42 @@ impl RunConfig {
 
     /// The complete configuration as TOML, the same text for the same configuration.
     pub fn to_toml(&self) -> String {
-        toml::to_string(self).expect("all sections are tables of plain values")
+        toml::to_string(&self.to_table()).expect("all sections are tables of plain values")
     }
 
     /// Checks every section.
-    pub fn validate(&self) -> Result<(), ConfigError> {
+    pub fn validate(&self) -> Result<(), SettingError> {
+        self.environment.validate()?;
+        self.learner.validate()?;
         self.training.validate()?;
-        self.evaluation.validate()
+        Ok(self.evaluation.validate()?)
+    }
+
+    fn to_table(&self) -> Table {
+        let lab = LabSections {
+            learner: self.learner.clone(),
+            training: self.training.clone(),
+            evaluation: self.evaluation.clone(),
+        };
+        let lab = Table::try_from(lab).expect("all sections are tables of plain values");
+        let mut table = Table::try_from(&self.environment).expect("all sections are tables of plain values");
+        table.extend(lab);
+        table
     }
 
     fn from_table(table: &Table) -> Result<Self, toml::de::Error> {
-        table.clone().try_into()
+        let (lab, environment): (Table, Table) =
+            table.clone().into_iter().partition(|(section, _)| LabSections::NAMES.contains(&section.as_str()));
+        let LabSections { learner, training, evaluation } = lab.try_into()?;
+        Ok(Self { environment: environment.try_into()?, learner, training, evaluation })
     }
 
     fn validated(overlay: &Overlay) -> Result<Self, ConfigFileError> {
         let config = Self::from_table(overlay.table()).expect("each key was checked when it was laid over");
         config
             .validate()
-            .map_err(|source| ConfigFileError::Invalid { origin: overlay.origin(key_of(&source)), source })?;
+            .map_err(|source| ConfigFileError::Invalid { origin: overlay.origin(source.key()), source })?;
         Ok(config)
-    }
-}
-
-/// The key an error is about; empty if it names none that is known here.
-fn key_of(error: &ConfigError) -> &'static str {
-    match error {
-        ConfigError::OutOfRange { key, .. }
-        | ConfigError::NotAMultiple { key, .. }
-        | ConfigError::WrongLength { key, .. }
-        | ConfigError::Reversed { low_key: key, .. } => key,
-        _ => "",
     }
 }
 
@@ -232,7 +279,7 @@ mod tests {
     #[test]
     fn preset_default_is_the_default_and_every_preset_has_every_key() {
         assert_eq!(set(&[]), Ok(RunConfig::default()));
-        let keys = dotted_keys(&Table::try_from(RunConfig::default()).unwrap());
+        let keys = dotted_keys(&RunConfig::default().to_table());
         for preset in Preset::ALL {
             assert_eq!(dotted_keys(&preset.table()), keys, "preset {}", preset.name());
             RunConfig::resolve(preset, None, &[]).unwrap();
@@ -250,15 +297,15 @@ mod tests {
 
     #[test]
     fn the_resolved_text_reads_back() {
-        let config = set(&["training.seed=7", "training.episode_s=30", "evaluation.episodes=10"]).unwrap();
-        assert_eq!((config.training.seed, config.training.episode_s), (7, 30.0));
+        let config = set(&["training.seed=7", "env.episode_s=30", "evaluation.episodes=10"]).unwrap();
+        assert_eq!((config.training.seed, config.environment.env.episode_s), (7, 30.0));
         assert_eq!(RunConfig::from_toml(Path::new("config.toml"), &config.to_toml()).unwrap(), config);
     }
 
     #[test]
     fn a_value_out_of_range_is_named_with_its_range_and_its_place() {
-        let message = set(&["training.episode_s=0.1"]).unwrap_err();
-        assert_eq!(message, "command line: `training.episode_s` is 0.1, but must be in 1..=3600");
+        let message = set(&["evaluation.episode_s=0.1"]).unwrap_err();
+        assert_eq!(message, "command line: `evaluation.episode_s` is 0.1, but must be in 1..=3600");
         assert!(set(&["training.seed=-1"]).unwrap_err().contains("`training.seed` is -1"));
     }
 

@@ -60,7 +60,7 @@ impl Pilot {
         match &mut self.seat {
             Seat::Rule(rule) => Ok(rule.act(env, scenario_seed)),
             Seat::Learned(actor) => {
-                self.observation.resize(env.config().observation.len(), 0.0);
+                self.observation.resize(env.config().observation.size(), 0.0);
                 env.observe(&mut self.observation);
                 Ok(actor.greedy(&self.observation, env.mask().0)?.action)
             }

@@ -6,7 +6,6 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-
 use crate::config::{ConfigFileError, RunConfig};
 use crate::metrics::CurvePoint;
 use crate::policy::Policy;
@@ -214,9 +213,7 @@ pub fn read_curve(run: &Path) -> Result<Vec<CurvePoint>, RunError> {
     let path = run.join(CURVE_JSONL);
     let text = fs::read_to_string(&path).map_err(RunDirError::io("read", &path))?;
     let parse = |(number, line): (usize, &str)| {
-        serde_json::from_str(line).map_err(|error| {
-            broken(&path, format!("line {}: {error}", number + 1))
-        })
+        serde_json::from_str(line).map_err(|error| broken(&path, format!("line {}: {error}", number + 1)))
     };
     text.lines().enumerate().map(parse).collect()
 }

@@ -9,8 +9,8 @@ use std::sync::Arc;
 
 use lanecraft_drive::env::{Config, Env, EnvError, StepError, StepOutcome};
 use lanecraft_learn::{
-    ActError, Actor, Exploration, Learner, LearnerConfig, LearnerMetadata, OptionAccumulator, Policy, ReplayBuffer, ReplayError,
-    Transition, UpdateError,
+    ActError, Actor, Exploration, Learner, LearnerConfig, LearnerMetadata, OptionAccumulator, Policy, ReplayBuffer,
+    ReplayError, Transition, UpdateError,
 };
 use lanecraft_net::random::Stream;
 use rayon::prelude::*;
@@ -118,11 +118,12 @@ impl Trainer {
     pub fn new(config: &RunConfig) -> Result<Self, TrainError> {
         let environment = Arc::new(config.environment.clone());
         let training = config.training.clone();
-        let inputs = environment.observation.len();
+        let inputs = environment.observation.size();
         let actions = Env::new(&environment, SeedRole::Training.scenario_seed(training.seed, 0))?.actions().len();
         let learner = Learner::new(&config.learner, inputs, actions, training.seed)?;
         let replay = learner.empty_replay();
-        let seats = (0..training.environments as u64).map(|episode| Seat::start(&environment, &training, &learner, episode));
+        let seats =
+            (0..training.environments as u64).map(|episode| Seat::start(&environment, &training, &learner, episode));
         let seats = seats.collect::<Result<_, _>>()?;
         Ok(Self {
             environment,
@@ -139,12 +140,11 @@ impl Trainer {
     /// Goes on where `state` and its tensors were taken, with the same configuration.
     pub fn resume(config: &RunConfig, state: &TrainingState, tensors: &[u8]) -> Result<Self, TrainError> {
         let mut trainer = Self::new(config)?;
-        let expected = (trainer.learner.config(), trainer.environment.observation.len(), trainer.seats.len());
+        let expected = (trainer.learner.config(), trainer.environment.observation.size(), trainer.seats.len());
         let found = (&state.learner.config, state.learner.inputs, state.seats.len());
         if expected != found {
-            let [expected, found] = [expected, found].map(|(learner, inputs, seats)| {
-                format!("{inputs} inputs, {seats} environments and {learner:?}")
-            });
+            let [expected, found] = [expected, found]
+                .map(|(learner, inputs, seats)| format!("{inputs} inputs, {seats} environments and {learner:?}"));
             return Err(TrainError::OtherShape { expected, found });
         }
         (trainer.learner, trainer.replay) = Learner::from_checkpoint(&state.learner, tensors)?;
@@ -219,7 +219,8 @@ impl Trainer {
         self.store(ticks?)?;
         self.window.count_losses(&losses?);
         let earned = before + 1..=self.decisions;
-        self.updates_owed = earned.filter(|&decision| self.learner.is_update_due(decision, &self.replay)).count() as u64;
+        self.updates_owed =
+            earned.filter(|&decision| self.learner.is_update_due(decision, &self.replay)).count() as u64;
         Ok(self.curve_point(before, epsilon))
     }
 
@@ -360,7 +361,7 @@ impl Seat {
     }
 
     fn observation(&self) -> Vec<f32> {
-        let mut observation = vec![0.0; self.env.config().observation.len()];
+        let mut observation = vec![0.0; self.env.config().observation.size()];
         self.env.observe(&mut observation);
         observation
     }

@@ -125,8 +125,7 @@ const EGO_IDM: IdmParams = IdmParams {
     comfort_decel_mps2: 2.0,
 };
 /// Its lane choice: selfish, as every ego baseline of the field.
-const EGO_MOBIL: MobilParams =
-    MobilParams { politeness: 0.0, accel_gain_threshold_mps2: 0.2, safe_decel_mps2: 3.0 };
+const EGO_MOBIL: MobilParams = MobilParams { politeness: 0.0, accel_gain_threshold_mps2: 0.2, safe_decel_mps2: 3.0 };
 
 fn idm_mobil(env: &Env) -> usize {
     let scene = env.scene();

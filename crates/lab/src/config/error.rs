@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use lanecraft_drive::config::ConfigError;
+use super::SettingError;
 
 /// Where a value was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -91,7 +91,7 @@ pub enum ConfigFileError {
         /// Where the key was written.
         origin: Origin,
         /// What is wrong, with the key, the value and what is allowed.
-        source: ConfigError,
+        source: SettingError,
     },
     /// A text that is no TOML.
     #[error("{origin}: {message}")]
