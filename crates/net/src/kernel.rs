@@ -204,11 +204,22 @@ impl Target {
     }
 }
 
+/// Every vector width that this processor has.
+#[cfg(test)]
+pub(crate) fn archs() -> Vec<Arch> {
+    let mut archs = vec![Arch::Scalar];
+    #[cfg(target_arch = "x86_64")]
+    {
+        archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+        archs.extend(pulp::x86::V4::try_new().map(Arch::V4));
+    }
+    archs
+}
+
 #[cfg(test)]
 mod tests {
-    use super::{Kernel, Matrix};
+    use super::{Kernel, Matrix, archs};
     use crate::random::Stream;
-    use pulp::Arch;
 
     fn random(stream: &mut Stream, n: usize) -> Vec<f32> {
         (0..n).map(|_| stream.range(-1.0, 1.0) as f32).collect()
@@ -225,16 +236,6 @@ mod tests {
     fn transpose(x: &[f32], columns: usize) -> Vec<f32> {
         let rows = x.len() / columns;
         (0..x.len()).map(|i| x[(i % rows) * columns + i / rows]).collect()
-    }
-
-    fn archs() -> Vec<Arch> {
-        let mut archs = vec![Arch::Scalar];
-        #[cfg(target_arch = "x86_64")]
-        {
-            archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
-            archs.extend(pulp::x86::V4::try_new().map(Arch::V4));
-        }
-        archs
     }
 
     #[test]
