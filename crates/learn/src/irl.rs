@@ -41,7 +41,7 @@ pub enum IrlMethod {
 pub enum IrlNormalization {
     /// Minus the mean, divided by the standard deviation.
     ZScore,
-    /// Divided by the mean's magnitude; with it the printed learning rate converges on about 50 events.
+    /// Divided by the mean magnitude; with it the printed learning rate converges on about 50 events.
     Mean,
 }
 

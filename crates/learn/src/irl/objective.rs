@@ -31,8 +31,9 @@ impl Evaluation {
 
 impl Objective {
     pub(super) fn new(events: &[CandidateSet], normalization: IrlNormalization, ridge: f64) -> Self {
-        let (mean, deviation) = moments(events);
-        let scale: Vec<f64> = mean.iter().zip(&deviation).map(|(m, d)| scale(normalization, *m, *d)).collect();
+        let Moments { mean, magnitude, deviation } = moments(events);
+        let sizes = magnitude.iter().zip(&deviation);
+        let scale: Vec<f64> = sizes.map(|(size, deviation)| scale(normalization, *size, *deviation)).collect();
         let normalized = |features: &Vec<f64>| {
             // Both normalizations subtract the mean: a shift common to all candidates changes no probability.
             let parts = features.iter().zip(&mean).zip(&scale);
@@ -115,15 +116,22 @@ pub(super) fn log_sum_exp(scores: &[f64]) -> f64 {
     largest + libm::log(scores.iter().map(|score| libm::exp(score - largest)).sum())
 }
 
-/// Mean and standard deviation of each feature over all candidates of all events.
-fn moments(events: &[CandidateSet]) -> (Vec<f64>, Vec<f64>) {
+/// Mean, mean magnitude and standard deviation of each feature over all candidates of all events.
+struct Moments {
+    mean: Vec<f64>,
+    magnitude: Vec<f64>,
+    deviation: Vec<f64>,
+}
+
+fn moments(events: &[CandidateSet]) -> Moments {
     let n = events[0].features[0].len();
     let rows = || events.iter().flat_map(|event| &event.features);
     let count = rows().count() as f64;
-    let mut mean = vec![0.0; n];
+    let (mut mean, mut magnitude) = (vec![0.0; n], vec![0.0; n]);
     for row in rows() {
-        for (sum, x) in mean.iter_mut().zip(row) {
-            *sum += x / count;
+        for ((mean, magnitude), x) in mean.iter_mut().zip(&mut magnitude).zip(row) {
+            *mean += x / count;
+            *magnitude += x.abs() / count;
         }
     }
     let mut variance = vec![0.0; n];
@@ -132,15 +140,15 @@ fn moments(events: &[CandidateSet]) -> (Vec<f64>, Vec<f64>) {
             *sum += (x - mean) * (x - mean) / count;
         }
     }
-    (mean, variance.into_iter().map(f64::sqrt).collect())
+    Moments { mean, magnitude, deviation: variance.into_iter().map(f64::sqrt).collect() }
 }
 
 /// What to divide a feature by; 0 marks a feature whose spread is only the rounding of its mean.
-fn scale(normalization: IrlNormalization, mean: f64, deviation: f64) -> f64 {
-    let varies = deviation > 1e-12 * mean.abs();
+fn scale(normalization: IrlNormalization, magnitude: f64, deviation: f64) -> f64 {
+    let varies = deviation > 1e-12 * magnitude;
     match normalization {
         IrlNormalization::ZScore if varies => deviation,
-        IrlNormalization::Mean if varies => mean.abs(),
+        IrlNormalization::Mean if varies => magnitude,
         IrlNormalization::ZScore | IrlNormalization::Mean => 0.0,
     }
 }
