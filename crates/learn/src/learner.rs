@@ -74,6 +74,12 @@ pub enum UpdateError {
         /// Inputs and actions of the buffer.
         found: (usize, usize),
     },
+    /// A learning rate that is no rate.
+    #[error("the learning rate is {value}, but must be finite and not negative")]
+    LearningRate {
+        /// The value found.
+        value: f64,
+    },
     /// Training has diverged.
     #[error("update {update} has a loss of {loss} or a gradient that is not finite; lower `learner.learning_rate`")]
     NotFinite {
@@ -170,6 +176,9 @@ impl Learner {
 
     /// One update with a batch that depends on the seed, the number of the update and the buffer alone.
     pub fn update(&mut self, replay: &ReplayBuffer, learning_rate: f64) -> Result<UpdateStats, UpdateError> {
+        if !(learning_rate.is_finite() && learning_rate >= 0.0) {
+            return Err(UpdateError::LearningRate { value: learning_rate });
+        }
         self.check(replay)?;
         self.sample(replay);
         self.evaluate();

@@ -121,7 +121,7 @@ impl Actor {
     /// The vote of all heads among the actions of `mask` (action 0 in the lowest bit).
     pub fn greedy(&mut self, observation: &[f32], mask: u32) -> Result<Choice, ActError> {
         let actions = self.policy.actions();
-        let (q, allowed) = self.values(observation, mask)?;
+        let (q, allowed) = self.values(observation, mask, u32::MAX)?;
         Ok(vote(q, actions, allowed))
     }
 
@@ -133,20 +133,19 @@ impl Actor {
         exploration: Exploration,
         stream: &mut Stream,
     ) -> Result<usize, ActError> {
-        let (actions, heads) = (self.policy.actions(), self.policy.heads());
-        let head = exploration.head;
+        let (head, heads) = (exploration.head, self.policy.heads());
         if head >= heads {
             return Err(ActError::Head { found: head, heads });
         }
-        let (q, allowed) = self.values(observation, mask)?;
+        let (q, allowed) = self.values(observation, mask, 1 << head)?;
         if stream.bernoulli(exploration.epsilon) {
             return Ok(nth_allowed(allowed, stream.below(allowed.count_ones() as usize)));
         }
-        Ok(best_allowed(&q[head * actions..(head + 1) * actions], allowed))
+        Ok(best_allowed(q, allowed))
     }
 
-    /// Values of all heads, K × A, and the mask without bits beyond the actions.
-    fn values(&mut self, observation: &[f32], mask: u32) -> Result<(&[f32], u32), ActError> {
+    /// Values of the heads in `heads` (head 0 in the lowest bit), heads × A, and the mask without bits beyond the actions.
+    fn values(&mut self, observation: &[f32], mask: u32, heads: u32) -> Result<(&[f32], u32), ActError> {
         let (expected, actions) = (self.policy.inputs(), self.policy.actions());
         if observation.len() != expected {
             return Err(ActError::Length { expected, found: observation.len() });
@@ -155,7 +154,7 @@ impl Actor {
         if allowed == 0 {
             return Err(ActError::NothingAllowed { mask, actions });
         }
-        let q = self.policy.network.forward(observation, &mut self.workspace);
+        let q = self.policy.network.forward_masked(observation, &[heads], &mut self.workspace);
         if q.iter().any(|value| !value.is_finite()) {
             return Err(ActError::NotFinite);
         }
@@ -173,8 +172,9 @@ fn nth_allowed(mut mask: u32, n: usize) -> usize {
 
 #[cfg(test)]
 mod tests {
-    use super::{ActError, Actor, Exploration, nth_allowed};
+    use super::{ActError, Actor, Exploration, Policy, nth_allowed};
     use crate::{Learner, LearnerConfig};
+    use lanecraft_net::Workspace;
     use lanecraft_net::random::Stream;
 
     #[test]
@@ -198,6 +198,26 @@ mod tests {
             assert!((1.0 / 6.0..=1.0).contains(&choice.agreement));
         }
         assert_eq!(seen, 0b10110);
+    }
+
+    #[test]
+    fn without_exploration_each_head_takes_its_own_best_action() {
+        let learner = Learner::new(&LearnerConfig::default(), 3, 5, 1).unwrap();
+        let mut actor = Actor::new(learner.policy());
+        let observation = [0.3, -1.0, 0.7];
+        let mut workspace = Workspace::new(learner.policy().network(), 1);
+        let q = learner.policy().network().forward(&observation, &mut workspace).to_vec();
+        for (head, values) in q.chunks_exact(5).enumerate() {
+            let exploration = Exploration { head, epsilon: 0.0 };
+            let action = actor.act(&observation, 0b11111, exploration, &mut Stream::new(1, "test")).unwrap();
+            assert!(values.iter().all(|value| *value <= values[action]));
+        }
+    }
+
+    #[test]
+    fn policies_may_cross_threads() {
+        fn shared<T: Send + Sync + 'static>() {}
+        shared::<Policy>();
     }
 
     #[test]

@@ -126,6 +126,20 @@ fn one_bootstrapped_head_that_sees_everything_is_deep_q_learning_bit_for_bit() {
     assert_ne!(parameters_after(&small(Algorithm::Dqn), updates), parameters_after(&single(true), updates));
 }
 
+/// FNV-1a of the bits, after Fowler, Noll and Vo.
+fn fingerprint(values: &[f32]) -> u64 {
+    let bytes = values.iter().flat_map(|value| value.to_le_bytes());
+    bytes.fold(0xCBF2_9CE4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01B3))
+}
+
+#[test]
+fn training_has_these_bits_on_every_processor() {
+    // A change of these numbers means that results of older trainings no longer repeat: say so in the change log.
+    let found = [Algorithm::Dqn, Algorithm::DoubleDqn, Algorithm::BootstrappedDqn]
+        .map(|algorithm| fingerprint(&parameters_after(&small(algorithm), 100)));
+    assert_eq!(found, [0x2DAE_B3C2_7967_FB0C, 0xCEFF_C037_3925_AC95, 0x6B7E_66B9_1213_442C], "{found:#018X?}");
+}
+
 #[test]
 fn a_policy_stays_as_it_was_while_the_learner_goes_on() {
     let mut learner = Learner::new(&small(Algorithm::BootstrappedDqn), CELLS, 3, 3).unwrap();
@@ -211,6 +225,7 @@ fn buffers_too_short_or_of_other_dimensions_are_refused() {
     let replay = noise_buffer(&learner, 99);
     assert_eq!(learner.update(&replay, 1e-3), Err(UpdateError::TooFew { found: 99, needed: 100 }));
     assert!(!learner.is_update_due(1, &replay));
+    assert!(matches!(learner.update(&replay, f64::NAN), Err(UpdateError::LearningRate { .. })));
     let other = ReplayBuffer::new(10, 2, 3);
     assert!(matches!(learner.update(&other, 1e-3), Err(UpdateError::Dimensions { .. })));
 }
