@@ -3,9 +3,10 @@
 //! The format holds data only, no code. A reader checks the header's length before it parses, and names and shapes before
 //! it copies, so that a damaged or hostile file is a typed error and costs no more memory than its own size.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
-use safetensors::{Dtype, SafeTensors, tensor::TensorView};
+use safetensors::{Dtype, SafeTensors, View};
 
 /// The longest header accepted, 1 MiB: the format itself would allow 100 MB of entries to be parsed.
 pub const MAX_HEADER_BYTES: u64 = 1 << 20;
@@ -73,6 +74,16 @@ pub enum TensorError {
         /// Shape found.
         found: Vec<usize>,
     },
+    /// A tensor to be written whose shape does not hold its values.
+    #[error("tensor `{name}` of shape {shape:?} was given {found} values")]
+    Length {
+        /// Name of the tensor.
+        name: String,
+        /// Its shape.
+        shape: Vec<usize>,
+        /// Number of values given.
+        found: usize,
+    },
     /// The wrong type of numbers.
     #[error("tensor `{name}` holds {found}, but must hold {expected}")]
     Type {
@@ -97,23 +108,49 @@ pub enum TensorError {
 
 /// The bytes of a file with these tensors. Equal tensors give equal bytes.
 pub fn to_bytes(tensors: &[NamedTensor<'_>]) -> Result<Vec<u8>, TensorError> {
-    let encoded: Vec<Vec<u8>> = tensors.iter().map(|tensor| encode(tensor.values)).collect();
-    let mut views = Vec::with_capacity(tensors.len());
-    for (tensor, bytes) in tensors.iter().zip(&encoded) {
-        let kind = match tensor.values {
-            Values::F32(_) => Dtype::F32,
-            Values::U32(_) => Dtype::U32,
-        };
-        let view = TensorView::new(kind, tensor.shape.clone(), bytes).map_err(TensorError::Malformed)?;
-        views.push((tensor.name.as_str(), view));
+    for tensor in tensors {
+        let found = tensor.values.len();
+        if tensor.shape.iter().product::<usize>() != found {
+            return Err(TensorError::Length { name: tensor.name.clone(), shape: tensor.shape.clone(), found });
+        }
     }
+    let views = tensors.iter().map(|tensor| (tensor.name.as_str(), tensor));
     safetensors::serialize(views, None).map_err(TensorError::Malformed)
 }
 
-fn encode(values: Values<'_>) -> Vec<u8> {
-    match values {
-        Values::F32(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
-        Values::U32(values) => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+impl Values<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Self::F32(values) => values.len(),
+            Self::U32(values) => values.len(),
+        }
+    }
+}
+
+impl View for &NamedTensor<'_> {
+    fn dtype(&self) -> Dtype {
+        match self.values {
+            Values::F32(_) => Dtype::F32,
+            Values::U32(_) => Dtype::U32,
+        }
+    }
+
+    fn shape(&self) -> &[usize] {
+        &self.shape
+    }
+
+    /// The values as little-endian bytes, made when they are written, one tensor at a time.
+    fn data(&self) -> Cow<'_, [u8]> {
+        let mut bytes = Vec::with_capacity(self.data_len());
+        match self.values {
+            Values::F32(values) => values.iter().for_each(|value| bytes.extend_from_slice(&value.to_le_bytes())),
+            Values::U32(values) => values.iter().for_each(|value| bytes.extend_from_slice(&value.to_le_bytes())),
+        }
+        Cow::Owned(bytes)
+    }
+
+    fn data_len(&self) -> usize {
+        4 * self.values.len()
     }
 }
 
@@ -212,6 +249,8 @@ mod tests {
         assert!(matches!(file.take_f32("weight", &[3, 2]), Err(TensorError::Shape { .. })));
         assert!(matches!(file.take_u32("weight", &[2, 3]), Err(TensorError::Type { .. })));
         assert!(matches!(file.finish(), Err(TensorError::Unknown { .. })));
+        let tensor = NamedTensor { name: "x".to_owned(), shape: vec![3], values: Values::U32(&[1, 2]) };
+        assert!(matches!(to_bytes(&[tensor]), Err(TensorError::Length { found: 2, .. })));
         let nan = [f32::NAN];
         let tensor = NamedTensor { name: "x".to_owned(), shape: vec![1], values: Values::F32(&nan) };
         let bytes = to_bytes(&[tensor]).unwrap();
