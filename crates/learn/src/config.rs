@@ -9,6 +9,9 @@ use crate::Algorithm;
 pub(crate) const MAX_MASK_BITS: usize = 32;
 /// Longer observations are a slip of the keyboard.
 pub(crate) const MAX_INPUTS: usize = 65_536;
+/// More layers or larger batches would ask for more memory than machines have.
+const MAX_LAYERS: usize = 8;
+const MAX_BATCH: usize = 4096;
 /// A width of a layer beyond this is a slip of the keyboard.
 const MAX_WIDTH: usize = 4096;
 /// Longer buffers would not fit the memory of the machines this is made for.
@@ -113,17 +116,12 @@ impl LearnerConfig {
 
     fn validate_network(&self) -> Result<(), ConfigError> {
         count("learner.heads", self.heads, 1, MAX_MASK_BITS)?;
-        for width in &self.core {
-            count("learner.core", *width, 1, MAX_WIDTH)?;
-        }
-        for width in &self.head {
-            count("learner.head", *width, 1, MAX_WIDTH)?;
-        }
-        Ok(())
+        widths("learner.core", &self.core)?;
+        widths("learner.head", &self.head)
     }
 
     fn validate_counts(&self) -> Result<(), ConfigError> {
-        count("learner.batch", self.batch, 1, 65_536)?;
+        count("learner.batch", self.batch, 1, MAX_BATCH)?;
         count("learner.replay_capacity", self.replay_capacity, 1, MAX_REPLAY)?;
         count("learner.learning_starts", self.learning_starts, 1, self.replay_capacity)?;
         positive("learner.target_update_period", self.target_update_period)?;
@@ -168,6 +166,14 @@ pub(crate) fn count(key: &'static str, value: usize, min: usize, max: usize) -> 
     if (min..=max).contains(&value) { Ok(()) } else { refused(key, &value, format!("in {min}..={max}")) }
 }
 
+fn widths(key: &'static str, widths: &[usize]) -> Result<(), ConfigError> {
+    if widths.len() <= MAX_LAYERS && widths.iter().all(|width| (1..=MAX_WIDTH).contains(width)) {
+        return Ok(());
+    }
+    let allowed = format!("a list of at most {MAX_LAYERS} widths in 1..={MAX_WIDTH}");
+    Err(ConfigError { key, value: format!("{widths:?}"), allowed })
+}
+
 fn positive(key: &'static str, value: u64) -> Result<(), ConfigError> {
     if value > 0 { Ok(()) } else { refused(key, &value, "at least 1".to_owned()) }
 }
@@ -198,9 +204,10 @@ mod tests {
     #[test]
     fn values_out_of_range_and_nan_are_refused_by_key() {
         type Change = fn(&mut LearnerConfig);
-        let cases: [(&str, Change); 9] = [
+        let cases: [(&str, Change); 10] = [
             ("learner.heads", |c| c.heads = 33),
             ("learner.core", |c| c.core = vec![0]),
+            ("learner.head", |c| c.head = vec![8; 9]),
             ("learner.batch", |c| c.batch = 0),
             ("learner.learning_starts", |c| c.learning_starts = c.replay_capacity + 1),
             ("learner.decisions_per_update", |c| c.decisions_per_update = 0),

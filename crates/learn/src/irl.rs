@@ -12,6 +12,16 @@
 //! - A ridge penalty `ridge · ‖ϖ‖²` on the normalized weights keeps them finite where the choices could be explained
 //!   perfectly, and decides between weights that the choices cannot tell apart.
 //! - The candidate set contains the choice itself (or the candidate nearest to it), else Ω can be unbounded.
+//!
+//! ```
+//! use lanecraft_learn::irl::{CandidateSet, IrlConfig, fit};
+//!
+//! // Twice the cheaper of two candidates was chosen, once the dearer.
+//! let event = |chosen| CandidateSet { features: vec![vec![1.0], vec![2.0]], chosen };
+//! let found = fit(&[event(0), event(0), event(1)], &IrlConfig { ridge: 0.0, ..IrlConfig::default() })?;
+//! assert!((found.probabilities(&event(0))?[0] - 2.0 / 3.0).abs() < 1e-6);
+//! # Ok::<(), lanecraft_learn::irl::IrlError>(())
+//! ```
 
 mod objective;
 mod solve;
