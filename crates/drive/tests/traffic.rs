@@ -111,6 +111,9 @@ fn unforced_traffic_is_safe_and_gentle() {
                 tally.overlaps += events.hdv_overlaps;
                 tally.lane_changes += events.lane_changes;
                 tally.add(&world, 7.0);
+                if world.time_step() % 50 == 0 {
+                    assert_law(&world, &scenario.traffic);
+                }
             }
             tally.assert_safe();
             // From some density on no gap is long enough to change into.
@@ -125,8 +128,48 @@ fn unforced_traffic_is_safe_and_gentle() {
     }
     assert!(all.vehicle_steps as f64 * DT_S >= 100_000.0);
     let share = |count: u64| count as f64 / gentle.vehicle_steps as f64;
-    println!("below -4: {:.2e}, below -6: {:.2e}", share(gentle.below_4), share(gentle.below_6));
     assert!(share(gentle.below_4) <= 1e-3 && share(gentle.below_6) <= 1e-5);
+}
+
+/// Every vehicle keeps the safe distance to every other ahead of it with which it shares a lane, hence to the nearest.
+fn assert_law(world: &World, traffic: &TrafficConfig) {
+    let adhesion = world.road().adhesion();
+    let truck_mps2 = traffic.truck_max_brake_mps2.min(traffic.hardest_brake_mps2(adhesion));
+    let vehicles: Vec<_> = world.vehicles().collect();
+    for follower in &vehicles {
+        let car = follower.length_m == VehicleKind::Car.length_m();
+        let brake_mps2 = if car { traffic.hardest_brake_mps2(adhesion) } else { truck_mps2 };
+        let limits = traffic.braking_limits(brake_mps2, false, adhesion);
+        for leader in vehicles.iter().filter(|leader| leader.id != follower.id) {
+            let lanes = [follower.lane, follower.target_lane];
+            let ahead_m = world.road().ahead_m(follower.s_m, leader.s_m);
+            if ahead_m >= 0.0 && (lanes.contains(&leader.lane) || lanes.contains(&leader.target_lane)) {
+                let gap_m = ahead_m - 0.5 * (follower.length_m + leader.length_m);
+                let required_m = limits.required_gap_m(follower.speed_mps, leader.speed_mps);
+                // 1e-9 m: rounding of positions up to 1e4 m.
+                assert!(gap_m >= required_m - 1e-9, "{gap_m} of {required_m} m from {follower:?} to {leader:?}");
+            }
+        }
+    }
+}
+
+/// Drivers whom only the law keeps from touching each other.
+fn reckless(traffic: &TrafficConfig) -> TrafficConfig {
+    TrafficConfig {
+        time_headway_min_s: 0.1,
+        time_headway_max_s: 0.4,
+        min_gap_m: 0.0,
+        max_accel_mps2: 4.0,
+        truck_max_accel_mps2: 3.0,
+        comfort_decel_mps2: 6.0,
+        desired_speed_max_mps: 40.0,
+        politeness: 0.0,
+        accel_gain_threshold_mps2: 0.0,
+        safe_decel_mps2: 9.0,
+        lane_change_cooldown_s: 0.0,
+        lane_change_duration_s: 1.5,
+        ..traffic.clone()
+    }
 }
 
 /// A hostile ego: random speeds, random sideways jumps into any lane, standing, driving through others.
@@ -156,7 +199,7 @@ impl Hostile {
 #[test]
 fn stress_never_makes_human_drivers_touch() {
     let mut collisions = 0;
-    let mut hard = 0;
+    let (mut hard, mut lane_changes) = (0, 0);
     for seed in 0..40 {
         let mut distribution = distribution([8.0, 16.0, 24.0, 36.0][seed as usize % 4], 0.2);
         distribution.traffic.stress_brake_rate_hz = 0.1;
@@ -166,24 +209,33 @@ fn stress_never_makes_human_drivers_touch() {
         if seed % 5 == 0 {
             distribution.road.adhesion = 0.4;
         }
+        if seed % 8 < 4 {
+            distribution.traffic = reckless(&distribution.traffic);
+        }
         let scenario = distribution.sample(seed).expect("fits");
         let hardest_mps2 = scenario.traffic.hardest_brake_mps2(scenario.road.adhesion());
         let (mut world, mut body) = start(&scenario);
         let stream = Stream::keyed(seed, "test.hostile", 0, 0);
         let mut hostile = Hostile { stream, accel_mps2: 0.0, lane: body.target_lane };
         let mut tally = Tally::default();
-        for _ in 0..1200 {
+        for step in 0..1200 {
             body = hostile.drive(&world, body);
             let events = world.step(body, DT_S);
             tally.overlaps += events.hdv_overlaps;
+            tally.lane_changes += events.lane_changes;
             collisions += u32::from(events.collision.is_some());
             tally.add(&world, hardest_mps2);
+            if step % 7 == 0 {
+                assert_law(&world, &scenario.traffic);
+            }
         }
         tally.assert_safe();
         hard += tally.below_6;
+        lane_changes += tally.lane_changes;
     }
     // The test has teeth only if the ego really rams others and they really brake.
-    assert!(collisions > 100 && hard > 1000, "{collisions} collisions, {hard} hard brakes");
+    let counts = (collisions, hard, lane_changes);
+    assert!(collisions > 100 && hard > 1000 && lane_changes > 1000, "{counts:?}");
 }
 
 #[test]
@@ -381,7 +433,7 @@ fn changes_of_a_fast_driver(world: &mut World, mut body: ExternalBody, steps: u3
             let beside = [1, -1].map(|side| LaneIndex((body.target_lane.0 as i8 + side).clamp(0, 2) as u8));
             let best = beside.into_iter().map(|lane| (view(world, &body, lane, &driver), lane));
             let best = best.filter(|((_, free), _)| *free).max_by(|a, b| a.0.0.total_cmp(&b.0.0));
-            if let Some(((accel_mps2, _), lane)) = best.filter(|((accel_mps2, _), _)| *accel_mps2 > keep_mps2 + 0.3) {
+            if let Some((_, lane)) = best.filter(|((accel_mps2, _), _)| *accel_mps2 > keep_mps2 + 0.3) {
                 (from, change_step, body.target_lane) = (body.target_lane, 0, lane);
                 times_s.push(f64::from(step) * DT_S);
             }
