@@ -1,0 +1,131 @@
+//! Draws drivers and their places from a seed.
+
+use lanecraft_net::random::Stream;
+
+use super::drivers::{SAFE_MARGIN_M, TrafficConfig, VehicleKind, limited_by_adhesion};
+use super::{ScenarioError, VehicleSpec, VehicleStart};
+use crate::models::idm::IdmParams;
+use crate::road::{LaneIndex, Road, Topology};
+
+/// Sampled vehicles start at this share of their desired speed, as far as that is safe.
+const START_SPEED_SHARE: f64 = 0.95;
+/// A driver's first lane change comes at the earliest after a time drawn from 0 to this, s.
+const FIRST_COOLDOWN_S: f64 = 4.0;
+
+/// Draws drivers and places.
+pub(super) struct Draw<'a> {
+    pub(super) traffic: &'a TrafficConfig,
+    pub(super) adhesion: f64,
+    pub(super) seed: u64,
+}
+
+impl Draw<'_> {
+    fn driver(&self, id: usize) -> Stream {
+        Stream::keyed(self.seed, "traffic.driver", id as u64, 0)
+    }
+
+    fn density_veh_per_km(&self) -> f64 {
+        let spread = self.traffic.density_spread_veh_per_km_lane;
+        let mut stream = Stream::new(self.seed, "traffic.density");
+        self.traffic.density_veh_per_km_lane + stream.range(-spread, spread)
+    }
+
+    fn spec(&self, kind: VehicleKind, desired_speed_mps: f64, stream: &mut Stream) -> VehicleSpec {
+        let traffic = self.traffic;
+        let (max_accel_mps2, brake_mps2) = match kind {
+            VehicleKind::Car => (traffic.max_accel_mps2, traffic.max_brake_mps2),
+            VehicleKind::Truck => (traffic.truck_max_accel_mps2, traffic.truck_max_brake_mps2),
+        };
+        let driver = IdmParams {
+            desired_speed_mps,
+            time_headway_s: stream.range(traffic.time_headway_min_s, traffic.time_headway_max_s),
+            min_gap_m: traffic.min_gap_m,
+            max_accel_mps2,
+            comfort_decel_mps2: traffic.comfort_decel_mps2,
+        };
+        VehicleSpec {
+            kind,
+            lane: LaneIndex(0),
+            s_m: 0.0,
+            speed_mps: START_SPEED_SHARE * desired_speed_mps,
+            driver,
+            max_brake_mps2: limited_by_adhesion(brake_mps2, self.adhesion),
+            cooldown_s: stream.range(0.0, FIRST_COOLDOWN_S),
+        }
+    }
+
+    /// A written vehicle with the rest of its driver drawn.
+    pub(super) fn written(&self, id: usize, start: &VehicleStart) -> VehicleSpec {
+        let spec = self.spec(start.kind, start.desired_speed_mps, &mut self.driver(id));
+        VehicleSpec { lane: start.lane, s_m: start.s_m, speed_mps: start.speed_mps, ..spec }
+    }
+
+    fn sampled(&self, id: usize, lane: LaneIndex) -> VehicleSpec {
+        let traffic = self.traffic;
+        let mut stream = self.driver(id);
+        let kind = if stream.bernoulli(traffic.truck_share) { VehicleKind::Truck } else { VehicleKind::Car };
+        let (low_mps, high_mps) = match kind {
+            VehicleKind::Car => (traffic.desired_speed_min_mps, traffic.desired_speed_max_mps),
+            VehicleKind::Truck => (traffic.truck_desired_speed_min_mps, traffic.truck_desired_speed_max_mps),
+        };
+        let desired_speed_mps = stream.range(low_mps, high_mps);
+        VehicleSpec { lane, ..self.spec(kind, desired_speed_mps, &mut stream) }
+    }
+
+    /// Adds a lane's vehicles by rising position: the free space is divided evenly, then each vehicle is shifted at random.
+    pub(super) fn fill_lane(
+        &self,
+        road: &Road,
+        lane: LaneIndex,
+        all: &mut Vec<VehicleSpec>,
+    ) -> Result<(), ScenarioError> {
+        let length_m = road.config().length_m;
+        let density = self.density_veh_per_km();
+        let count = (density * length_m / 1000.0).round() as usize;
+        let first = all.len();
+        all.extend((0..count).map(|k| self.sampled(first + k, lane)));
+        let lane_vehicles = &mut all[first..];
+        let shortest_m = SAFE_MARGIN_M.max(self.traffic.min_gap_m);
+        let taken_m: f64 = lane_vehicles.iter().map(|vehicle| vehicle.kind.length_m() + shortest_m).sum();
+        if taken_m > length_m {
+            return Err(ScenarioError::TooDense { lane: lane.0, vehicles: count, taken_m, length_m });
+        }
+        let mut stream = Stream::keyed(self.seed, "traffic.place", u64::from(lane.0), 0);
+        let space_m = (length_m - taken_m) / count.max(1) as f64;
+        let mut rear_m = stream.range(0.0, space_m);
+        for vehicle in lane_vehicles {
+            let shift_m = space_m * stream.range(-self.traffic.start_jitter, self.traffic.start_jitter);
+            vehicle.s_m = road.wrap_m(rear_m + 0.5 * vehicle.kind.length_m() + shift_m);
+            rear_m += vehicle.kind.length_m() + shortest_m + space_m;
+        }
+        Ok(())
+    }
+
+    /// Lowers the speeds of a lane's vehicles, given by rising position, until all distances are safe.
+    pub(super) fn slow_to_safety(&self, road: &Road, lane: &mut [VehicleSpec]) {
+        let count = lane.len();
+        let ring = road.config().topology == Topology::Ring;
+        // Speeds only fall, each to what its leader allows; a turn without a change ends it, and `count` turns always do.
+        for _ in 0..count {
+            let mut changed = false;
+            for behind in (0..count).rev() {
+                let ahead = (behind + 1) % count;
+                if ahead == behind || (ahead == 0 && !ring) {
+                    continue;
+                }
+                let half_lengths_m = 0.5 * (lane[behind].kind.length_m() + lane[ahead].kind.length_m());
+                let mut distance_m = lane[ahead].s_m - lane[behind].s_m;
+                if distance_m < 0.0 {
+                    distance_m += road.config().length_m;
+                }
+                let limits = self.traffic.braking_limits(lane[behind].max_brake_mps2, false, self.adhesion);
+                let safe_mps = limits.safe_speed_mps(distance_m - half_lengths_m, lane[ahead].speed_mps).max(0.0);
+                changed |= lane[behind].speed_mps > safe_mps;
+                lane[behind].speed_mps = lane[behind].speed_mps.min(safe_mps);
+            }
+            if !changed {
+                break;
+            }
+        }
+    }
+}
