@@ -251,3 +251,181 @@ fn q2_trades_tracking_for_effort_as_in_the_trial_study() {
         assert!((steer / steer_deg - 1.0).abs() < 0.1, "q2 {q2}: {steer} degrees");
     }
 }
+
+#[test]
+fn stability_bounds_keep_a_wet_lane_change_in_hand() {
+    // 3.75 m in 2 s at 33.3 m/s on μ = 0.4. In the trial study the car without bounds spins (sideslip 19° and more); with the
+    // untightened ones it keeps 0.31° and uses 1.15 of the slip limits. (Its overshoot of 0.52 m is smaller than the one here.)
+    let params = ideal_car(TireModel::Pacejka);
+    let tight = ControlConfig::default();
+    let full = ControlConfig { stability_tightening: 1.0, yaw_rate_factor: 1.0, ..tight.clone() };
+    let off = ControlConfig { stability_constraints: false, ..tight.clone() };
+    let change = |config| change_lane(&params, config, (33.3, 0.4), 2.0, 1e-2);
+    let (tight, full, off) = (change(&tight), change(&full), change(&off));
+    for seen in [&tight, &full] {
+        assert_eq!(seen.worst, Rung::Solved);
+        assert!(seen.sideslip_max_rad.to_degrees() < 0.4, "{} degrees", seen.sideslip_max_rad.to_degrees());
+    }
+    assert!(full.overshoot_m < 0.9, "{} m", full.overshoot_m);
+    assert!((full.slip_use_max - 1.15).abs() < 0.05, "{}", full.slip_use_max);
+    assert!(tight.slip_use_max < 1.0 && tight.overshoot_m < 1.0, "{} {}", tight.slip_use_max, tight.overshoot_m);
+    assert!(off.sideslip_max_rad.to_degrees() > 10.0, "{} degrees", off.sideslip_max_rad.to_degrees());
+}
+
+#[test]
+fn the_default_car_changes_lane_through_its_lags() {
+    for speed_mps in [15.0, 22.0, 33.0] {
+        let seen = change_lane(&VehicleParams::default(), &ControlConfig::default(), (speed_mps, 0.85), 3.0, 1e-3);
+        assert_eq!(seen.worst, Rung::Solved);
+        assert!(seen.rms_m < 0.1 && seen.overshoot_m < 0.1, "{speed_mps}: {} {}", seen.rms_m, seen.overshoot_m);
+    }
+}
+
+#[test]
+fn a_bend_is_followed_without_offset() {
+    // 1000 m radius: the steady steering and sideslip are references, so that no weight pulls the car off the center.
+    let params = ideal_car(TireModel::Linear);
+    let bend = crate::road::CurvaturePoint { s_m: 0.0, curvature_radpm: 1e-3 };
+    let config = RoadConfig { topology: Topology::Open, curvature: vec![bend], ..RoadConfig::default() };
+    let mut scene = scene(30.0, 0.85);
+    scene.road = Arc::new(Road::new(config).unwrap());
+    let mut mpc = LateralMpc::new(&ControlConfig::default(), &params, PERIOD_S);
+    for _ in 0..200 {
+        let plan = mpc.plan(&scene, LateralReference::LaneCenter { d_m: 0.0 }, &[30.0], 1e-3);
+        drive(&params, &mut scene, &ControlInput { accel_mps2: 0.0, steer_rad: plan.steer_rad });
+    }
+    // Left: the plant's speed falls slightly in the bend, and d appears in its ṡ.
+    assert!(scene.ego.d_m.abs() < 0.01, "{} m", scene.ego.d_m);
+    assert!((scene.ego.yaw_rate_radps - 0.03).abs() < 1e-3);
+}
+
+#[test]
+fn a_car_that_cuts_in_is_given_room_without_hard_braking() {
+    // 12 m bumper to bumper at equal speeds of 25 m/s: safe, but 5.5 m less than the spacing.
+    let mut scene = scene(25.0, 0.85);
+    scene.neighbors = vec![leader(12.0, 25.0)];
+    let seen = follow(&mut scene, 0.0, &ControlConfig::default(), &keep(0.0));
+    assert!(seen.hardest_mps2 > -3.0, "{} m/s²", seen.hardest_mps2);
+    assert!(seen.final_gap_m > 17.0, "{} m", seen.final_gap_m);
+    assert_eq!(seen.worst, Rung::Solved);
+}
+
+#[test]
+fn bad_numbers_go_down_the_ladder_and_recover() {
+    let (config, params) = (ControlConfig::default(), VehicleParams::default());
+    let mut good = scene(25.0, 0.85);
+    good.neighbors = vec![leader(40.0, 24.0)];
+    let forecast = constant_speed(&good);
+    let mut speed = LongitudinalMpc::new(&config, &params, PERIOD_S);
+    let mut steer = LateralMpc::new(&config, &params, PERIOD_S);
+    let center = LateralReference::LaneCenter { d_m: 0.3 };
+    let fresh = speed.clone().plan(&good, &forecast, &keep(0.0), 0.025);
+    assert_eq!(speed.plan(&good, &forecast, &keep(0.0), 0.025), fresh);
+    assert_eq!(steer.plan(&good, center, &[25.0], 1e-3).rung, Rung::Solved);
+
+    let mut bad = good.clone();
+    bad.neighbors[0].speed_mps = f64::NAN;
+    let broken = constant_speed(&bad);
+    bad.ego.yaw_rate_radps = f64::NAN;
+    let mut rungs = Vec::new();
+    for _ in 0..7 {
+        let plan = speed.plan(&bad, &broken, &keep(0.0), 0.025);
+        let turn = steer.plan(&bad, center, &[f64::NAN], 1e-3);
+        assert!((-6.0..=2.0).contains(&plan.accel_mps2) && turn.steer_rad.abs() <= params.max_steer_rad);
+        rungs.push((plan.rung, turn.rung));
+    }
+    assert_eq!(rungs[0], (Rung::ShiftedPlan, Rung::ShiftedPlan));
+    assert_eq!(rungs[6].0, Rung::BrakeInLane);
+    assert!(rungs[6].1 > Rung::ShiftedPlan);
+
+    bad.ego.speed_mps = f64::NAN;
+    let plan = speed.plan(&bad, &broken, &keep(0.0), 0.025);
+    assert_eq!((plan.rung, plan.accel_mps2), (Rung::FullBrake, -8.0));
+    // A good scene after bad ones gets what a fresh controller answers.
+    assert_eq!(speed.plan(&good, &forecast, &keep(0.0), 0.025), fresh);
+}
+
+#[test]
+fn the_guard_refuses_what_is_not_finite_or_out_of_reach() {
+    let params = VehicleParams::default();
+    let guard = Guard::new(&ControlConfig::default(), &params, PERIOD_S);
+    let scene = scene(25.0, 0.85);
+    let lanes = [Some(LaneIndex(0)), None];
+    let (input, cause) = guard.check(&scene, lanes, ControlInput { accel_mps2: f64::NAN, steer_rad: 0.01 });
+    assert_eq!(cause, Some(GuardCause::NotFinite));
+    assert!(input.accel_mps2 < -7.9 && input.steer_rad == 0.01);
+    let (input, cause) = guard.check(&scene, lanes, ControlInput { accel_mps2: 1e9, steer_rad: -5.0 });
+    assert_eq!(cause, Some(GuardCause::Limits));
+    assert!(input.accel_mps2 == 2.0 && input.steer_rad.abs() < 0.1);
+    let calm = ControlInput { accel_mps2: 1.0, steer_rad: 0.001 };
+    assert_eq!(guard.check(&scene, lanes, calm), (calm, None));
+}
+
+#[test]
+fn the_guard_sees_behind_the_nearest_leader() {
+    let guard = Guard::new(&ControlConfig::default(), &VehicleParams::default(), PERIOD_S);
+    let mut scene = scene(30.0, 0.85);
+    let wanted = ControlInput { accel_mps2: 0.0, steer_rad: 0.0 };
+    // A fast one near, a standing one further on in the lane the ego enters.
+    let standing =
+        Neighbor { id: VehicleId(9), lane: LaneIndex(1), target_lane: LaneIndex(1), d_m: 3.75, ..leader(60.0, 0.0) };
+    scene.neighbors = vec![leader(30.0, 33.0), standing];
+    let both = [Some(LaneIndex(0)), Some(LaneIndex(1))];
+    let (input, cause) = guard.check(&scene, both, wanted);
+    assert_eq!(cause, Some(GuardCause::SafeDistance { id: VehicleId(9), full_brake: true }));
+    assert!(input.accel_mps2 < -4.0);
+    assert_eq!(guard.check(&scene, [Some(LaneIndex(0)), None], wanted).1, None);
+    // Between the lanes it matters whatever lane it claims.
+    scene.neighbors[1].d_m = 2.3;
+    assert!(guard.check(&scene, [Some(LaneIndex(0)), None], wanted).1.is_some());
+}
+
+#[test]
+fn a_lane_change_is_given_up_only_while_that_helps() {
+    let guard = Guard::new(&ControlConfig::default(), &VehicleParams::default(), PERIOD_S);
+    let mut scene = scene(30.0, 0.85);
+    scene.ego.d_m = 0.5;
+    let beside = |n: Neighbor| Neighbor { lane: LaneIndex(1), target_lane: LaneIndex(1), d_m: 3.75, ..n };
+    scene.neighbors = vec![beside(leader(20.0, 10.0))];
+    assert!(guard.abort_advised(&scene, LaneIndex(0), LaneIndex(1)));
+    scene.ego.d_m = 1.0;
+    assert!(!guard.abort_advised(&scene, LaneIndex(0), LaneIndex(1)), "too far over");
+    scene.ego.d_m = 0.5;
+    scene.neighbors.push(leader(25.0, 10.0));
+    assert!(!guard.abort_advised(&scene, LaneIndex(0), LaneIndex(1)), "the old lane is no better");
+}
+
+#[test]
+fn any_input_gets_an_answer_within_the_limits() {
+    let (config, params) = (ControlConfig::default(), VehicleParams::default());
+    let mut speed = LongitudinalMpc::new(&config, &params, PERIOD_S);
+    let mut steer = LateralMpc::new(&config, &params, PERIOD_S);
+    let guard = Guard::new(&config, &params, PERIOD_S);
+    let mut draw = lanecraft_net::random::Stream::new(7, "control.fuzz");
+    for _ in 0..300 {
+        let mut any = |scale: f64| match draw.below(40) {
+            0 => f64::NAN,
+            1 => f64::INFINITY,
+            2 => -1e300,
+            _ => (draw.uniform() - 0.5) * 2.0 * scale,
+        };
+        let mut scene = scene(any(60.0), 0.85);
+        scene.ego.d_m = any(10.0);
+        scene.ego.heading_rad = any(0.5);
+        scene.ego.lateral_speed_mps = any(3.0);
+        scene.ego.yaw_rate_radps = any(1.0);
+        scene.ego.steer_rad = any(0.2);
+        scene.ego.accel_mps2 = any(9.0);
+        scene.neighbors = vec![leader(any(120.0), any(40.0))];
+        let ratio = libm::exp(any(18.0));
+        let forecast = constant_speed(&scene);
+        let plan = speed.plan(&scene, &forecast, &keep(any(3.0)), ratio);
+        let turn = steer.plan(&scene, LateralReference::LaneCenter { d_m: any(8.0) }, &plan.speeds_mps, ratio);
+        assert!((-8.0..=2.0).contains(&plan.accel_mps2), "{plan:?}");
+        assert!(plan.speeds_mps.iter().all(|v| v.is_finite()));
+        assert!(turn.steer_rad.abs() <= params.max_steer_rad, "{turn:?}");
+        let input = ControlInput { accel_mps2: plan.accel_mps2, steer_rad: turn.steer_rad };
+        let (input, _) = guard.check(&scene, [Some(LaneIndex(0)), None], input);
+        assert!((-8.0..=2.0).contains(&input.accel_mps2) && input.steer_rad.abs() <= params.max_steer_rad);
+    }
+}

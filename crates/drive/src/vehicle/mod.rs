@@ -5,6 +5,8 @@ pub mod bicycle;
 mod params;
 mod plant;
 mod state;
+#[cfg(test)]
+mod tests;
 pub mod tire;
 
 pub(crate) use actuator::lag_response;
