@@ -15,8 +15,8 @@ pub const FEATURES: usize = 4;
 /// Names of the features, in the order of every feature vector.
 pub const FEATURE_NAMES: [&str; FEATURES] = ["stability", "collision", "comfort", "travel"];
 
-/// Terms of the collision sum with an exponent below this are left out: each is below 7e-6.
-const NEGLIGIBLE_EXPONENT: f64 = -12.0;
+/// Terms of the collision sum with an exponent below this are left out: each is below 2e-4, against sums of about 0.5.
+const NEGLIGIBLE_EXPONENT: f64 = -9.0;
 
 /// Sampling step that makes H_tra = t_c²/η the printed values of Table IV (0.05 t_c), s.
 const TRAVEL_STEP_S: f64 = 0.05;
@@ -115,49 +115,59 @@ pub fn features_of_set(
     out: &mut [[f64; FEATURES]],
 ) {
     debug_assert_eq!(paths.len(), out.len());
-    for (path, sums) in paths.iter().zip(out.iter_mut()) {
-        *sums = own_motion(config, path, speed_mps);
+    let samples: Vec<u32> = paths.iter().map(|path| config.samples(path.duration_s)).collect();
+    for ((path, &samples), sums) in paths.iter().zip(&samples).zip(out.iter_mut()) {
+        *sums = own_motion(config, (path, samples), speed_mps);
     }
-    let longest = paths.iter().map(|path| config.samples(path.duration_s)).max().unwrap_or(0);
     let by_scale = |sigma: f64, scale_m: f64| sigma / (scale_m * scale_m);
     let longitudinal = by_scale(config.sigma_longitudinal, config.longitudinal_scale_m);
     let lateral = by_scale(config.sigma_lateral, config.lateral_scale_m);
-    for sample in 1..=longest {
+    let mut near = Vec::with_capacity(neighbors);
+    for sample in 1..=samples.iter().copied().max().unwrap_or(0) {
         let time_s = f64::from(sample) * config.sample_step_s;
-        for neighbor in 0..neighbors {
+        near.clear();
+        near.extend((0..neighbors).filter_map(|neighbor| {
             let (ahead_m, d_m) = position_m(neighbor, time_s);
             let along_m = ahead_m - speed_mps * time_s;
             let exponent = longitudinal * along_m * along_m;
-            if exponent < NEGLIGIBLE_EXPONENT {
-                continue;
-            }
-            for (path, sums) in paths.iter().zip(out.iter_mut()) {
-                if sample <= config.samples(path.duration_s) {
-                    let across_m = path.at(time_s).0 - d_m;
-                    let exponent = exponent + lateral * across_m * across_m;
-                    if exponent >= NEGLIGIBLE_EXPONENT {
-                        sums[1] += libm::exp(exponent);
-                    }
-                }
+            (exponent >= NEGLIGIBLE_EXPONENT).then_some((exponent, d_m))
+        }));
+        for ((path, &samples), sums) in paths.iter().zip(&samples).zip(out.iter_mut()) {
+            if sample <= samples && !near.is_empty() {
+                sums[1] += potential(&near, lateral, path.at(time_s).0);
             }
         }
     }
-    for (path, sums) in paths.iter().zip(out.iter_mut()) {
-        sums[1] /= f64::from(config.samples(path.duration_s));
-        for (sum, factor) in sums.iter_mut().zip(config.unit_factors()) {
+    let factors = config.unit_factors();
+    for (&samples, sums) in samples.iter().zip(out.iter_mut()) {
+        sums[1] /= f64::from(samples);
+        for (sum, factor) in sums.iter_mut().zip(factors) {
             *sum *= factor;
         }
     }
 }
 
+/// Σ exp(longitudinal exponent + `lateral` · ΔY²) over the neighbors `near`, given by that exponent and their lateral position.
+fn potential(near: &[(f64, f64)], lateral: f64, d_m: f64) -> f64 {
+    let mut sum = 0.0;
+    for &(longitudinal_exponent, neighbor_d_m) in near {
+        let across_m = d_m - neighbor_d_m;
+        let exponent = longitudinal_exponent + lateral * across_m * across_m;
+        if exponent >= NEGLIGIBLE_EXPONENT {
+            sum += libm::exp(exponent);
+        }
+    }
+    sum
+}
+
 /// The three features of the path alone, and no collision risk yet.
-fn own_motion(config: &FeatureConfig, path: &Quintic, speed_mps: f64) -> [f64; FEATURES] {
-    let samples = config.samples(path.duration_s);
+fn own_motion(config: &FeatureConfig, (path, samples): (&Quintic, u32), speed_mps: f64) -> [f64; FEATURES] {
+    let per_speed = 1.0 / speed_mps;
     let (mut course, mut yaw_rate) = (0.0, 0.0);
     for sample in 1..=samples {
         let (_, speed, accel, _) = path.at(f64::from(sample) * config.sample_step_s);
-        course += (speed / speed_mps) * (speed / speed_mps);
-        yaw_rate += (accel / speed_mps) * (accel / speed_mps);
+        course += (speed * per_speed) * (speed * per_speed);
+        yaw_rate += (accel * per_speed) * (accel * per_speed);
     }
     let samples = f64::from(samples);
     [course / samples, 0.0, yaw_rate / samples, TRAVEL_STEP_S * path.duration_s]

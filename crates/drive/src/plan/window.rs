@@ -141,13 +141,14 @@ impl Encounter<'_> {
         let speed_mps = self.scene.ego.road_speed_mps();
         let lengths_m = 0.5 * (neighbor.length_m + self.scene.ego_length_m);
         let direction = if neighbor.ahead_m >= 0.0 { 1.0 } else { -1.0 };
-        let steps = (self.horizon_s / FORECAST_STEP_S).ceil() as u32;
+        let track = self.forecast.track(index);
+        let steps = (self.horizon_s / FORECAST_STEP_S).ceil() as usize;
         for step in 0..=steps {
-            let time_s = f64::from(step) * FORECAST_STEP_S;
-            let point = self.forecast.at(index, time_s);
+            let time_s = step as f64 * FORECAST_STEP_S;
+            let point = track.get(step).copied().unwrap_or_else(|| self.forecast.at(index, time_s));
             let gap_m = direction * (point.ahead_m - speed_mps * time_s) - lengths_m;
             if !holds(gap_m, point.speed_mps - speed_mps) {
-                return f64::from(step.saturating_sub(1)) * FORECAST_STEP_S;
+                return step.saturating_sub(1) as f64 * FORECAST_STEP_S;
             }
         }
         f64::INFINITY

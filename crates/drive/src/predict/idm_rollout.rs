@@ -39,7 +39,8 @@ pub(super) fn forecast(scene: &Scene, forecast: &mut Forecast) {
             ego_passed = true;
         }
         let lanes = [lane_slot(neighbor.lane.0), lane_slot(neighbor.target_lane.0)];
-        roll_out(scene, forecast, index, lanes.map(|lane| leaders[lane]));
+        let followed = lanes.map(|lane| leaders[lane]);
+        roll_out(scene, forecast, index, if lanes[0] == lanes[1] { &followed[..1] } else { &followed });
         constant::lateral(scene, neighbor, forecast.track_mut(index));
         for lane in lanes {
             leaders[lane] = Some(Leader::Neighbor(index));
@@ -53,15 +54,15 @@ fn lane_slot(lane: u8) -> usize {
 
 /// Positions and speeds of neighbor `index` behind `leaders`, by the ballistic step: the acceleration of the step's begin held for
 /// its length, a stop at the moment where the speed reaches zero.
-fn roll_out(scene: &Scene, forecast: &mut Forecast, index: usize, leaders: [Option<Leader>; 2]) {
+fn roll_out(scene: &Scene, forecast: &mut Forecast, index: usize, leaders: &[Option<Leader>]) {
     let neighbor = &scene.neighbors[index];
     let driver = IdmParams { desired_speed_mps: NOMINAL.desired_speed_mps.max(neighbor.speed_mps), ..NOMINAL };
     let mut point = ForecastPoint { ahead_m: neighbor.ahead_m, d_m: neighbor.d_m, speed_mps: neighbor.speed_mps };
     for step in 0..forecast.track(index).len() {
         forecast.track_mut(index)[step] = point;
         let accel_mps2 = leaders
-            .into_iter()
-            .map(|leader| accel_mps2((scene, forecast), (neighbor, point), leader, (step, &driver)))
+            .iter()
+            .map(|&leader| accel_mps2((scene, forecast), (neighbor, point), leader, (step, &driver)))
             .fold(f64::INFINITY, f64::min)
             .max(-MAX_BRAKE_MPS2);
         let speed_mps = point.speed_mps + accel_mps2 * FORECAST_STEP_S;
