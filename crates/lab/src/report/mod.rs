@@ -110,7 +110,7 @@ fn leader(results: &[PolicyResult]) -> Option<usize> {
 fn reading(results: &[PolicyResult], leader: usize) -> String {
     let best = &results[leader];
     let mut text = format!(
-        "Over {} episodes, {} has the highest mean reward: {} per tick, at {} km/h and with collisions in {} % of episodes.",
+        "Over {} episodes, {} has the highest mean reward: {} per tick, at {}\u{a0}km/h and with collisions in {}\u{a0}% of episodes.",
         best.episodes,
         best.policy,
         number(best.reward_per_tick.mean, 2),
@@ -137,11 +137,13 @@ fn tiles(result: &PolicyResult) -> String {
         ("Lane changes", "per min", 1.0, 2, result.lane_changes_per_min),
     ];
     let policy = escape(&result.policy);
-    let mut html = format!("<dl class=\"tiles\" aria-label=\"Key figures of {policy}\">\n");
+    let mut html = format!(
+        "<p class=\"note tiles-name\">Key figures of {policy}, by highest mean reward</p>\n<dl class=\"tiles\">\n"
+    );
     for (name, unit, scale, decimals, interval) in figures {
         let _ = writeln!(
             html,
-            "<div class=\"tile\"><dt>{name} · {policy}</dt><dd>{} <span>{unit}</span><small>{}</small></dd></div>",
+            "<div class=\"tile\"><dt>{name}</dt><dd>{} <span>{unit}</span><small>{}</small></dd></div>",
             number(scale * interval.mean, decimals),
             range(interval, scale, decimals)
         );

@@ -126,7 +126,7 @@
       const x = view.x + (s - scene.s) * view.sx;
       if (x > width) break;
       ctx.fillRect(x - 0.5, view.bottom + 8, 1, 5);
-      ctx.fillText(`${s} m`, x, view.bottom + 24);
+      if (x > 22 && x < width - 22) ctx.fillText(`${s} m`, x, view.bottom + 24);
     }
   }
 
@@ -257,6 +257,12 @@
   const setBar = (name, share) => part(`${name}-bar`).style.setProperty('--share', clamp(share, -1, 1));
   const setText = (node, text) => { if (node.textContent !== text) node.textContent = text; };
 
+  function progress({ t, tick: { path, side, start, weights } }) {
+    if (!path) return weights;
+    const change = `to the ${side > 0 ? 'left' : 'right'}, ${number(clamp(t - start, 0, path.duration), 1)} of ${number(path.duration, 1)} s`;
+    return weights ? `${weights}, ${change}` : change;
+  }
+
   function showGauges(scene) {
     const degrees = scene.steer * 180 / Math.PI;
     setText(gauges.speed, number(scene.v * 3.6, 1));
@@ -266,7 +272,7 @@
     setBar('accel', scene.accel / episode.accelSpan);
     setBar('steer', -scene.steer / episode.steerSpan);
     setText(gauges.decision, scene.tick.words);
-    setText(gauges.weights, scene.tick.weights);
+    setText(gauges.weights, progress(scene));
     setText(gauges.guard, scene.guarded ? 'Acting' : 'Idle');
     gauges.guard.classList.toggle('on', scene.guarded);
     setText(gauges.clock, `${number(scene.t, 1)} / ${number(tEnd, 1)} s`);

@@ -212,6 +212,7 @@ fn frame_view(frame: &Frame, tick: usize) -> FrameView {
         vehicles: frame
             .vehicles
             .iter()
+            .filter(|v| v.ahead_m.is_finite() && v.d_m.is_finite())
             .flat_map(|v| [f64::from(v.id), round(v.ahead_m, 2), round(v.d_m, 2), round(v.speed_mps, 1)])
             .collect(),
     }

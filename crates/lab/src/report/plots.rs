@@ -39,29 +39,46 @@ fn legend(names: &[&str], class: &str, with_line: bool) -> String {
     html + "</ul>\n"
 }
 
-/// Reward against collisions, every policy with its intervals.
+/// Reward against collisions, every policy with its intervals; beside it the better half at a larger scale.
 pub(super) fn scatter(results: &[PolicyResult]) -> String {
-    let percent = |i: Interval| Interval { mean: 100.0 * i.mean, low: 100.0 * i.low, high: 100.0 * i.high };
-    let points: Vec<(Interval, Interval)> =
-        results.iter().map(|r| (percent(r.collisions_per_episode), r.reward_per_tick)).collect();
-    let ends = |i: &Interval| [i.mean, i.low, i.high];
-    let x = Axis::over("collisions, % of episodes", points.iter().flat_map(|(x, _)| ends(x)).chain([0.0]));
-    let y = Axis::over("reward per tick", points.iter().flat_map(|(_, y)| ends(y)));
-    let mut plot = Plot::new(x, y);
-    for (series, (x, y)) in points.into_iter().enumerate() {
-        plot.point_with_intervals(x, y, series);
+    let names: Vec<&str> = results.iter().map(|r| r.policy.as_str()).collect();
+    let all: Vec<usize> = (0..results.len()).collect();
+    let mut cards = card("All policies", &reward_against_collisions(results, &all));
+    let better = better_half(results);
+    if better.len() < all.len() {
+        cards += &card("The better half by reward", &reward_against_collisions(results, &better));
     }
+    format!("<div class=\"card\">{}</div>\n<div class=\"grid\">\n{cards}</div>\n", legend(&names, "", false))
+}
+
+/// The policies whose mean reward is in the upper half, in their order; all, if they are few.
+fn better_half(results: &[PolicyResult]) -> Vec<usize> {
+    let reward = |i: &usize| results[*i].reward_per_tick.mean;
+    let mut order: Vec<usize> = (0..results.len()).filter(|i| drawable(reward(i))).collect();
+    if order.len() < 4 {
+        return (0..results.len()).collect();
+    }
+    order.sort_by(|a, b| reward(b).total_cmp(&reward(a)).then(a.cmp(b)));
+    order.truncate(order.len().div_ceil(2));
+    order.sort_unstable();
+    order
+}
+
+fn reward_against_collisions(results: &[PolicyResult], shown: &[usize]) -> String {
+    let percent = |i: Interval| Interval { mean: 100.0 * i.mean, low: 100.0 * i.low, high: 100.0 * i.high };
+    let ends = |i: Interval| [i.mean, i.low, i.high];
+    let collisions = || shown.iter().flat_map(|i| ends(percent(results[*i].collisions_per_episode)));
+    let rewards = shown.iter().flat_map(|i| ends(results[*i].reward_per_tick));
+    let x = Axis::over("collisions, % of episodes", collisions().chain([0.0]));
+    let mut plot = Plot::new(x, Axis::over("reward per tick", rewards));
     let mut alternative = String::from("Reward per tick against collisions in percent of episodes.");
-    for r in results {
+    for series in shown {
+        let r = &results[*series];
+        plot.point_with_intervals(percent(r.collisions_per_episode), r.reward_per_tick, *series);
         let (reward, collisions) = (r.reward_per_tick.mean, 100.0 * r.collisions_per_episode.mean);
         let _ = write!(alternative, " {}: {}, {} %.", r.policy, number(reward, 2), number(collisions, 2));
     }
-    let names: Vec<&str> = results.iter().map(|r| r.policy.as_str()).collect();
-    format!(
-        "<div class=\"grid\">\n{}{}</div>\n",
-        card("Reward and collisions", &plot.finish(&alternative)),
-        card("Policies", &legend(&names, "column", false))
-    )
+    plot.finish(&alternative)
 }
 
 /// Four panels over the number of decisions.
@@ -121,7 +138,11 @@ fn profile(trace: &Trace, name: &str, line: &[[f64; 2]], levels: &[f64]) -> Stri
         values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)))
     };
     let ((start, end), (low, high)) = (extent(0), extent(1));
-    let y = Axis::over(name, [low, high].into_iter().chain(levels.iter().copied()));
+    let y = match (levels.first(), levels.last()) {
+        // A road has its own range; other values extend to whole ticks.
+        (Some(right), Some(left)) => Axis::exactly(name, right.min(low) - 0.5, left.max(high) + 0.5),
+        _ => Axis::over(name, [low, high]),
+    };
     let mut plot = Plot::new(Axis::exactly("time, s", start, end), y);
     let changes = lane_changes(trace);
     for change in &changes {

@@ -11,7 +11,7 @@ use crate::metrics::Interval;
 /// Width and height of a plot in its own units, about pixels on a wide screen.
 const SIZE: [f64; 2] = [500.0, 290.0];
 /// Space left of, right of, above and below the plotting area.
-const MARGINS: [f64; 4] = [52.0, 12.0, 34.0, 48.0];
+const MARGINS: [f64; 4] = [52.0, 12.0, 34.0, 44.0];
 
 /// Whether a value can be drawn: finite, and so small that differences stay finite.
 pub(super) fn drawable(value: f64) -> bool {
@@ -49,7 +49,7 @@ impl Axis {
     /// An axis over exactly this range, for time.
     pub(super) fn exactly(name: &str, low: f64, high: f64) -> Self {
         let (low, high) = if drawable(low) && drawable(high) && high > low { (low, high) } else { (0.0, 1.0) };
-        Self { name: name.into(), low, high, step: round_step((high - low) / 6.0) }
+        Self { name: name.into(), low, high, step: round_step((high - low) / 8.0) }
     }
 
     fn share(&self, value: f64) -> f64 {
@@ -98,8 +98,7 @@ impl Plot {
         let mut frame = String::new();
         for tick in plot.y.ticks() {
             let (at, label) = (plot.y_px(tick), plot.y.label(tick));
-            let class = if tick == 0.0 { "zero" } else { "grid-line" };
-            let _ = write!(frame, "<path class=\"{class}\" d=\"M{left} {at:.1}H{right}\"/>");
+            let _ = write!(frame, "<path class=\"grid-line\" d=\"M{left} {at:.1}H{right}\"/>");
             let _ =
                 write!(frame, "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{label}</text>", left - 8.0, at + 4.5);
         }

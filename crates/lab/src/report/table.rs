@@ -47,7 +47,7 @@ const COLUMNS: [Column; 11] = [
     column("Jerk", "m/s³", Better::Lower, (1.0, 2), |r| r.jerk_mps3),
     column("Lane changes", "per min", Better::Neither, (1.0, 2), |r| r.lane_changes_per_min),
     column("Refusals", "per min", Better::Neither, (1.0, 2), |r| r.refusals_per_min),
-    column("Fall-backs", "per min", Better::Neither, (1.0, 2), |r| r.fallbacks_per_min),
+    column("Fall-backs", "per min", Better::Neither, (1.0, 3), |r| r.fallbacks_per_min),
     column("Guard", "per min", Better::Neither, (1.0, 2), |r| r.guard_interventions_per_min),
     column("Shield", "per min", Better::Neither, (1.0, 2), |r| r.shield_interventions_per_min),
 ];
@@ -75,7 +75,7 @@ pub(super) fn results_table(results: &[PolicyResult]) -> String {
     for (row, result) in results.iter().enumerate() {
         let _ = write!(
             html,
-            "<tr><th scope=\"row\">{}<small>{} episodes</small></th>",
+            "<tr><th class=\"policy\" scope=\"row\">{}<small>{} episodes</small></th>",
             escape(&result.policy),
             result.episodes
         );
@@ -106,15 +106,15 @@ fn head() -> String {
     );
     let _ = write!(
         html,
-        "<thead><tr><th rowspan=\"2\" scope=\"col\">Policy</th><th class=\"group\" colspan=\"{OUTCOMES}\">Outcome</th>\
+        "<thead><tr><th class=\"policy\" rowspan=\"2\" scope=\"col\">Policy</th><th class=\"group\" colspan=\"{OUTCOMES}\">Outcome</th>\
          <th class=\"group\" colspan=\"{}\">What was done</th></tr>\n<tr>",
         COLUMNS.len() - OUTCOMES
     );
     for (index, Column { name, unit, better, .. }) in COLUMNS.iter().enumerate() {
         let class = if is_edge(index) { " class=\"edge\"" } else { "" };
         let arrow = match better {
-            Better::Higher => " ↑",
-            Better::Lower => " ↓",
+            Better::Higher => "\u{a0}↑",
+            Better::Lower => "\u{a0}↓",
             Better::Neither => "",
         };
         let _ = write!(html, "<th scope=\"col\"{class}>{name}{arrow}<small>{unit}</small></th>");

@@ -98,11 +98,11 @@ fn speed(time_s: f64) -> f64 {
 fn vehicles(time_s: f64, ego_s_m: f64) -> Vec<VehicleFrame> {
     // Start ahead of the ego, lane, speed, length.
     const OTHERS: [(f64, f64, f64, f64); 15] = [
-        (92.0, 1.0, 22.5, 4.6),
+        (98.0, 1.0, 22.5, 4.6),
         (46.0, 0.0, 22.0, 12.0),
         (118.0, 0.0, 21.6, 13.6),
-        (-38.0, 2.0, 31.5, 4.4),
-        (150.0, 2.0, 30.4, 4.8),
+        (-78.0, 2.0, 30.5, 4.4),
+        (64.0, 2.0, 31.4, 4.8),
         (188.0, 1.0, 25.5, 4.3),
         (230.0, 0.0, 22.4, 11.0),
         (-70.0, 1.0, 28.0, 4.7),
@@ -111,12 +111,12 @@ fn vehicles(time_s: f64, ego_s_m: f64) -> Vec<VehicleFrame> {
         (318.0, 2.0, 28.8, 4.5),
         (345.0, 0.0, 22.0, 12.0),
         (405.0, 0.0, 23.0, 4.6),
-        (-120.0, 2.0, 32.0, 4.9),
+        (-150.0, 2.0, 32.0, 4.9),
         (420.0, 1.0, 27.0, 4.2),
     ];
     let view = |(id, (start, lane, speed_mps, length_m)): (usize, &(f64, f64, f64, f64))| {
         // One car moves over to the right.
-        let moved = if id == 5 { ((time_s - 12.0) / 4.0).clamp(0.0, 1.0) } else { 0.0 };
+        let moved = if id == 8 { ((time_s - 12.0) / 4.0).clamp(0.0, 1.0) } else { 0.0 };
         VehicleFrame {
             id: id as u32 + 1,
             ahead_m: start + speed_mps * time_s - ego_s_m,
