@@ -109,8 +109,8 @@ fn an_empty_report_is_a_page() {
     assert_drawings_are_numeric(&page);
 }
 
-#[test]
-fn names_stay_text() {
+/// The full data with names and numbers that try to break out.
+fn hostile(odd: f64) -> ReportData {
     let mut data = full();
     data.title = HOSTILE.into();
     data.summary = vec![HOSTILE.into()];
@@ -126,7 +126,25 @@ fn names_stay_text() {
     let trace = data.trace.as_mut().unwrap();
     trace.header.policy = HOSTILE.into();
     trace.ticks[0].action_name = HOSTILE.into();
-    let page = render(&data);
+    irl.features[0].weight = odd;
+    irl.features[1].interval = Some(Interval { mean: 0.0, low: odd, high: odd });
+    trace.header.ego_length_m = odd;
+    trace.ticks[0].frames[0].ego.d_m = odd;
+    trace.ticks[2].frames[0].ego.speed_mps = odd;
+    trace.ticks[2].frames[1].time_s = odd;
+    trace.ticks[2].frames[2].vehicles[0].ahead_m = odd;
+    trace.ticks[16].path.as_mut().unwrap().duration_s = odd;
+    trace.ticks[16].candidates[0].reward = odd;
+    data.results[0].reward_per_tick = Interval { mean: odd, low: odd, high: odd };
+    data.results[1].collisions_per_episode.high = odd;
+    data.curves[0].1[3].reward_per_tick = odd;
+    data.time_shares[0].1 = odd;
+    data
+}
+
+#[test]
+fn names_stay_text() {
+    let page = render(&hostile(1.0));
     for tag in ["<script>alert", "<img", "<!--"] {
         assert!(!page.contains(tag), "{tag}");
     }
@@ -138,22 +156,7 @@ fn names_stay_text() {
 #[test]
 fn numbers_that_are_none_break_nothing() {
     for odd in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, f64::MIN_POSITIVE] {
-        let mut data = full();
-        data.results[0].reward_per_tick = Interval { mean: odd, low: odd, high: odd };
-        data.results[1].collisions_per_episode.high = odd;
-        data.curves[0].1[3].reward_per_tick = odd;
-        data.time_shares[0].1 = odd;
-        let irl = data.irl.as_mut().unwrap();
-        irl.features[0].weight = odd;
-        irl.features[1].interval = Some(Interval { mean: 0.0, low: odd, high: odd });
-        let trace = data.trace.as_mut().unwrap();
-        trace.header.ego_length_m = odd;
-        trace.ticks[2].frames[0].ego.speed_mps = odd;
-        trace.ticks[2].frames[1].time_s = odd;
-        trace.ticks[2].frames[2].vehicles[0].ahead_m = odd;
-        trace.ticks[3].path.as_mut().into_iter().for_each(|p| p.duration_s = odd);
-        trace.ticks[0].frames[0].ego.d_m = odd;
-        let page = render(&data);
+        let page = render(&hostile(odd));
         assert_drawings_are_numeric(&page);
         episode(&page);
     }
@@ -180,11 +183,13 @@ fn a_reading_is_written_from_the_results_and_says_what_is_open() {
     assert!(render(&data).contains("lies above all others"));
 }
 
-/// Writes the sample for a person to look at: `cargo test -p lanecraft-lab write_the_sample -- --ignored`.
+/// Writes samples for a person to look at: `cargo test -p lanecraft-lab write_the_samples -- --ignored --nocapture`.
 #[test]
-#[ignore = "writes a file to look at"]
-fn write_the_sample() {
-    let path = std::env::temp_dir().join("lanecraft-sample-report.html");
-    std::fs::write(&path, render(&full())).unwrap();
-    println!("{}", path.display());
+#[ignore = "writes files to look at"]
+fn write_the_samples() {
+    for (name, data) in [("sample", full()), ("hostile", hostile(f64::NAN))] {
+        let path = std::env::temp_dir().join(format!("lanecraft-{name}-report.html"));
+        std::fs::write(&path, render(&data)).unwrap();
+        println!("{}", path.display());
+    }
 }
