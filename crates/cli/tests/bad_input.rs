@@ -55,6 +55,10 @@ const REFUSED: &[(&str, &[&str])] = &[
     ("train --out new --seed 99999999", &["`training.seed` is 99999999", "0..=1048575"]),
     ("train --out new --decisions 0", &["`training.decisions` is 0"]),
     ("evaluate rule:random --episodes 0", &["`evaluation.episodes` is 0"]),
+    ("train --out new --set learner.discuont=1", &["did you mean `learner.discount`?"]),
+    ("train --out new --set learner.discount=1.5", &["`learner.discount` is 1.5", "0..=1"]),
+    ("train --out new --set learner.algorithm=doubel-dqn", &["did you mean `double-dqn`?"]),
+    ("train --out new --algorithm dqn --set learner.batch=0", &["`learner.batch` is 0"]),
     // Files of the configuration.
     ("train --out new --config misspelt.toml", &["misspelt.toml:3", "did you mean `training.seed`?"]),
     ("train --out new --config no.toml", &["no.toml:1"]),

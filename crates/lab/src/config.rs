@@ -10,10 +10,11 @@ use std::path::Path;
 
 use lanecraft_drive::config::{ConfigError, check_range};
 use lanecraft_learn::LearnerConfig;
+use lanecraft_learn::irl::IrlConfig;
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
-pub use error::{ConfigFileError, Origin};
+pub use error::{ConfigFileError, Origin, SectionError};
 pub use overlay::nearest;
 
 use overlay::Overlay;
@@ -154,6 +155,8 @@ impl EvaluationConfig {
 pub struct RunConfig {
     /// The sections of the environment: `[env]`, `[road]`, `[traffic]`, …
     pub environment: lanecraft_drive::env::Config,
+    /// Section `[irl]`.
+    pub irl: IrlConfig,
     /// Section `[learner]`.
     pub learner: LearnerConfig,
     /// Section `[training]`.
@@ -166,39 +169,14 @@ pub struct RunConfig {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LabSections {
+    irl: IrlConfig,
     learner: LearnerConfig,
     training: TrainingConfig,
     evaluation: EvaluationConfig,
 }
 
 impl LabSections {
-    const NAMES: [&'static str; 3] = ["learner", "training", "evaluation"];
-}
-
-/// A setting out of range.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error(transparent)]
-pub enum SettingError {
-    /// Of the environment or the lab.
-    Environment(#[from] ConfigError),
-    /// Of the learner.
-    Learner(#[from] lanecraft_learn::ConfigError),
-}
-
-impl SettingError {
-    /// The key it is about; empty if it names none that is known here.
-    fn key(&self) -> &'static str {
-        match self {
-            Self::Environment(
-                ConfigError::OutOfRange { key, .. }
-                | ConfigError::NotAMultiple { key, .. }
-                | ConfigError::WrongLength { key, .. }
-                | ConfigError::Reversed { low_key: key, .. },
-            ) => key,
-            Self::Learner(error) => error.key,
-            Self::Environment(_) => "",
-        }
-    }
+    const NAMES: [&'static str; 4] = ["irl", "learner", "training", "evaluation"];
 }
 
 impl RunConfig {
@@ -227,8 +205,9 @@ impl RunConfig {
     }
 
     /// Checks every section.
-    pub fn validate(&self) -> Result<(), SettingError> {
+    pub fn validate(&self) -> Result<(), SectionError> {
         self.environment.validate()?;
+        self.irl.validate()?;
         self.learner.validate()?;
         self.training.validate()?;
         Ok(self.evaluation.validate()?)
@@ -236,6 +215,7 @@ impl RunConfig {
 
     fn to_table(&self) -> Table {
         let lab = LabSections {
+            irl: self.irl.clone(),
             learner: self.learner.clone(),
             training: self.training.clone(),
             evaluation: self.evaluation.clone(),
@@ -249,8 +229,8 @@ impl RunConfig {
     fn from_table(table: &Table) -> Result<Self, toml::de::Error> {
         let (lab, environment): (Table, Table) =
             table.clone().into_iter().partition(|(section, _)| LabSections::NAMES.contains(&section.as_str()));
-        let LabSections { learner, training, evaluation } = lab.try_into()?;
-        Ok(Self { environment: environment.try_into()?, learner, training, evaluation })
+        let LabSections { irl, learner, training, evaluation } = lab.try_into()?;
+        Ok(Self { environment: environment.try_into()?, irl, learner, training, evaluation })
     }
 
     fn validated(overlay: &Overlay) -> Result<Self, ConfigFileError> {
@@ -287,10 +267,11 @@ mod tests {
     }
 
     #[test]
-    fn every_line_of_a_preset_is_explained() {
+    fn every_key_of_a_preset_is_explained() {
         for preset in Preset::ALL {
-            for line in preset.text().lines().filter(|line| line.contains('=') && !line.trim_start().starts_with('#')) {
-                assert!(line.contains('#'), "preset {}: no comment at `{line}`", preset.name());
+            let lines: Vec<&str> = preset.text().lines().collect();
+            for pair in lines.windows(2).filter(|pair| pair[1].contains('=') && !pair[1].starts_with('#')) {
+                assert!(pair[0].starts_with("# "), "preset {}: no comment above `{}`", preset.name(), pair[1]);
             }
         }
     }

@@ -77,7 +77,7 @@ impl Default for LearnerConfig {
             learning_rate_end_fraction: 0.05,
             discount: 0.95,
             batch: 64,
-            replay_capacity: 200_000,
+            replay_capacity: 50_000,
             learning_starts: 2_000,
             target_update_period: 500,
             decisions_per_update: 4,

@@ -3,8 +3,6 @@
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-use super::SettingError;
-
 /// Where a value was written.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
@@ -27,6 +25,34 @@ impl fmt::Display for Origin {
             Self::Preset(name) => write!(f, "preset {name}"),
             Self::CommandLine => write!(f, "command line"),
             Self::File { path, line } => write!(f, "{}:{line}", path.display()),
+        }
+    }
+}
+
+/// What the struct of a section says against its values.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+#[non_exhaustive]
+pub enum SectionError {
+    /// Of the driving and its world, or of the lab.
+    Drive(#[from] lanecraft_drive::config::ConfigError),
+    /// Of the learners.
+    Learn(#[from] lanecraft_learn::ConfigError),
+}
+
+impl SectionError {
+    /// The key it is about; empty if it names none that is known here.
+    pub(super) fn key(&self) -> &'static str {
+        use lanecraft_drive::config::ConfigError;
+        match self {
+            Self::Learn(error) => error.key,
+            Self::Drive(
+                ConfigError::OutOfRange { key, .. }
+                | ConfigError::NotAMultiple { key, .. }
+                | ConfigError::WrongLength { key, .. }
+                | ConfigError::Reversed { low_key: key, .. },
+            ) => key,
+            Self::Drive(_) => "",
         }
     }
 }
@@ -91,7 +117,7 @@ pub enum ConfigFileError {
         /// Where the key was written.
         origin: Origin,
         /// What is wrong, with the key, the value and what is allowed.
-        source: SettingError,
+        source: SectionError,
     },
     /// A text that is no TOML.
     #[error("{origin}: {message}")]
