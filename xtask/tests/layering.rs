@@ -14,25 +14,21 @@ const MODULES: &[(&str, &[&str])] = &[
     ("road", &["config"]),
     ("vehicle", &["config", "road"]),
     ("models", &["config", "road", "vehicle"]),
-    ("scene", BASE),
+    ("scene", &["config", "road", "vehicle", "models"]),
     // The world and what is seen of it.
-    ("scenario", WORLD),
-    ("traffic", WORLD),
+    ("scenario", &["config", "road", "vehicle", "models", "scene"]),
+    ("traffic", &["config", "road", "vehicle", "models", "scene", "scenario"]),
     ("perceive", &["config", "road", "vehicle", "models", "scene", "scenario", "traffic"]),
     // The ego car's mind.
-    ("predict", EGO_BASE),
+    ("predict", &["config", "road", "vehicle", "models", "scene"]),
     ("plan", &["config", "road", "vehicle", "models", "scene", "predict"]),
     ("control", &["config", "road", "vehicle", "models", "scene", "predict", "plan"]),
     ("decide", &["config", "road", "vehicle", "models", "scene", "predict", "plan", "control"]),
     ("driver", &["config", "road", "vehicle", "models", "scene", "predict", "plan", "control", "decide"]),
     // Both, in a closed loop.
-    ("env", EVERYTHING),
+    ("env", ALL_BUT_ENV),
 ];
-const BASE: &[&str] = &["config", "road", "vehicle", "models"];
-const EGO_BASE: &[&str] = &["config", "road", "vehicle", "models", "scene"];
-/// Scenarios say how traffic starts, and traffic starts from scenarios.
-const WORLD: &[&str] = &["config", "road", "vehicle", "models", "scene", "scenario", "traffic"];
-const EVERYTHING: &[&str] = &[
+const ALL_BUT_ENV: &[&str] = &[
     "config", "road", "vehicle", "models", "scene", "scenario", "traffic", "perceive", "predict", "plan", "control",
     "decide", "driver",
 ];
@@ -43,7 +39,8 @@ const CRATES: &[(&str, &[&str])] = &[
     ("net", &[]),
     ("learn", &["lanecraft-net"]),
     ("drive", &["lanecraft-qp", "lanecraft-net"]),
-    ("lab", &["lanecraft-drive", "lanecraft-learn"]),
+    // The random streams are in `net`.
+    ("lab", &["lanecraft-drive", "lanecraft-learn", "lanecraft-net"]),
     ("cli", &["lanecraft-lab"]),
 ];
 
