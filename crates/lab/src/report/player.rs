@@ -174,11 +174,11 @@ fn episode(trace: &Trace) -> Option<Episode> {
     let (accel_span, steer_span) = (largest(2.0, |f| f.accel), largest(0.005, |f| f.steer));
     (!views.is_empty()).then(|| Episode {
         lanes: header.lanes.max(1),
-        lane_width: if header.lane_width_m > 0.0 { header.lane_width_m } else { 3.75 },
-        ego_length: header.ego_length_m,
-        ego_width: header.ego_width_m,
-        control_period: header.control_period_s,
-        decision_period: if header.decision_period_s > 0.0 { header.decision_period_s } else { 0.5 },
+        lane_width: positive(header.lane_width_m, 3.75),
+        ego_length: positive(header.ego_length_m, 4.5),
+        ego_width: positive(header.ego_width_m, 1.8),
+        control_period: positive(header.control_period_s, 0.05),
+        decision_period: positive(header.decision_period_s, 0.5),
         speed_range: speed_range(trace),
         accel_span,
         steer_span,
@@ -188,6 +188,11 @@ fn episode(trace: &Trace) -> Option<Episode> {
         fans,
         frames: views,
     })
+}
+
+/// `value`, or something to draw if the trace has no such size.
+fn positive(value: f64, otherwise: f64) -> f64 {
+    if value > 0.0 && value.is_finite() { value } else { otherwise }
 }
 
 /// `value` rounded to some decimals; JSON has no other numbers than finite ones, so others become 0.

@@ -222,3 +222,18 @@ pub(super) fn weight_cell(feature: &IrlFeature) -> String {
     let range = feature.interval.map_or(String::new(), |i| range(i, 1.0, 3));
     format!("{}<small>{range}</small>", number(feature.weight, 3))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{MAX_POINTS, thinned};
+
+    #[test]
+    fn thinned_items_keep_both_ends() {
+        for count in [0, 1, 2, MAX_POINTS, MAX_POINTS + 1, 1201, 12_000] {
+            let items: Vec<usize> = (0..count).collect();
+            let kept: Vec<&usize> = thinned(&items).collect();
+            assert!(kept.len() <= MAX_POINTS + 1 && kept.is_sorted_by(|a, b| a < b));
+            assert_eq!((kept.first(), kept.last()), (items.first().as_ref(), items.last().as_ref()));
+        }
+    }
+}
