@@ -25,7 +25,7 @@ use lanecraft_net::random::Stream;
 /// Number of values from which [`mean_interval`] uses the bootstrap; below, Student's t.
 pub const BOOTSTRAP_MIN_COUNT: usize = 100;
 
-/// Number of resamples: the ends then move by about 2 % of the interval's width from one stream to another.
+/// Number of resamples: the standard error of an end is then about 1 % of the interval's width.
 const RESAMPLES: usize = 4000;
 
 /// Share of each tail of a two-sided 95 % interval.

@@ -12,7 +12,7 @@ use flate2::{Compression, GzBuilder, read::MultiGzDecoder, write::GzEncoder};
 use lanecraft_drive::env::{Frame, TRACE_SCHEMA, TickRecord, Trace, TraceHeader, VehicleFrame};
 use serde::{Serialize, de::DeserializeOwned};
 
-/// Longest line that is read, bytes: a tick of 10 control steps with 500 vehicles takes about 1 MiB.
+/// Longest line that is read, bytes: a tick of 10 control steps with 500 vehicles takes less than 1 MiB.
 const MAX_LINE_BYTES: u64 = 16 << 20;
 
 /// Why a trace could not be written or read.

@@ -1,6 +1,6 @@
 //! What the player needs of a trace, as compact JSON and HTML; `player.js` reads and draws it.
 //!
-//! Numbers are rounded to what a screen can show (1 cm, 0.1 mrad), which makes the page a tenth as large as the trace.
+//! Numbers are rounded to what a screen can show (1 cm, 0.1 mrad), which makes the page several times smaller than the trace.
 
 use lanecraft_drive::env::{CandidateRecord, Frame, TickRecord, Trace};
 use serde::Serialize;
