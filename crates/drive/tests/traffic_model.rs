@@ -1,7 +1,9 @@
 //! The traffic as a model: convergence in the time step, the ego's place, courtesy.
 
 use lanecraft_drive::road::{LaneIndex, RoadConfig, Topology};
-use lanecraft_drive::scenario::{ScenarioDistribution, ScenarioFile, TrafficConfig};
+use lanecraft_drive::scenario::{
+    EgoStart, ScenarioDistribution, ScenarioFile, TrafficConfig, VehicleKind, VehicleStart,
+};
 use lanecraft_drive::traffic::{ExternalBody, World};
 
 /// An ego that stands beside the road and concerns nobody.
@@ -58,14 +60,19 @@ fn flow_does_not_depend_on_the_time_step() {
 
 /// Positions of a platoon of ten after 60 s behind a slow leader that it first has to catch up with.
 fn platoon_m(steps_per_s: u32) -> Vec<f64> {
-    let vehicles: String = (0..10)
-        .map(|k| {
-            let (s_m, desired) = (60 * k, if k == 9 { 15.0 } else { 25.0 });
-            format!("[[vehicles]]\nlane = 0\ns_m = {s_m}.0\nspeed_mps = {desired:?}\ndesired_speed_mps = {desired:?}\nkind = \"car\"\n")
-        })
-        .collect();
-    let head = "name = \"platoon\"\ndescription = \"ten cars\"\n[road]\nlanes = 1\ntopology = \"open\"\n";
-    let file = ScenarioFile::from_toml(&format!("{head}{vehicles}")).expect("valid");
+    let vehicles = (0..10).map(|k| {
+        let speed_mps = if k == 9 { 15.0 } else { 25.0 };
+        let s_m = 60.0 * f64::from(k);
+        VehicleStart { lane: LaneIndex(0), s_m, speed_mps, desired_speed_mps: speed_mps, kind: VehicleKind::Car }
+    });
+    let file = ScenarioFile {
+        name: "platoon".to_owned(),
+        description: "ten cars in one lane".to_owned(),
+        road: RoadConfig { lanes: 1, topology: Topology::Open, ..RoadConfig::default() },
+        traffic: TrafficConfig::default(),
+        ego: EgoStart::default(),
+        vehicles: vehicles.collect(),
+    };
     let mut world = World::new(&file.scenario(0).expect("valid")).expect("possible");
     for _ in 0..60 * steps_per_s {
         let _ = world.step(ABSENT, 1.0 / f64::from(steps_per_s));
