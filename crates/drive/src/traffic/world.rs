@@ -76,7 +76,8 @@ impl Ego {
         );
         let reach_m = 0.5 * road.lane_width_m() + half_m.1;
         let touched = road.lanes().filter(|&lane| (body.d_m - road.lane_center_m(lane)).abs() < reach_m);
-        let lane_bits = touched.fold(1 << body.target_lane.0, |bits, lane| bits | (1 << lane.0));
+        let lane_bits = touched
+            .fold(1_u8.checked_shl(u32::from(body.target_lane.0)).unwrap_or(0), |bits, lane| bits | (1 << lane.0));
         let body = ExternalBody { s_m: road.wrap_m(body.s_m), ..body };
         Self { body, speed_mps: (body.speed_mps * cos).max(0.0), half_m, lane_bits, since_change_steps: u32::MAX }
     }
@@ -144,7 +145,7 @@ impl World {
         self.ego = Some(Ego::new(ego, &self.road));
     }
 
-    /// One step of `dt_s`, the same in every call: human drivers decide on the present state, then all move; `ego` is the ego's
+    /// One step of `dt_s`, the same in every call, for changes and pauses are counted in steps: human drivers decide on the present state, then all move; `ego` is the ego's
     /// body after the step.
     pub fn step(&mut self, ego: ExternalBody, dt_s: f64) -> StepEvents {
         debug_assert!([ego.s_m, ego.d_m, ego.heading_rad, ego.speed_mps].iter().all(|value| value.is_finite()));
