@@ -38,9 +38,9 @@ pub struct ControlConfig {
     pub longitudinal_horizon: u8,
     /// Length of a longitudinal stage, s.
     pub longitudinal_step_s: f64,
-    /// Stages over which Eq. 25 weighs the speed; later ones keep only the reference acceleration and the limits, so that a longer
-    /// look-ahead does not change how well a decision is obeyed.
-    pub speed_cost_steps: u8,
+    /// Stages over which Eq. 25 pursues the target speed and the reference acceleration; later ones have a_ref = 0 and the limits, so
+    /// that a longer look-ahead changes neither how well a decision is obeyed nor how close the car follows.
+    pub goal_steps: u8,
     /// Stages of the lateral problem, N_p of Eq. 26, each one control period long; the paper gives none.
     pub lateral_horizon: u8,
     /// Bumper-to-bumper distance s_saf at standstill, m. The paper gives none.
@@ -110,7 +110,7 @@ impl Default for ControlConfig {
             jerk_weight_s2: 0.01,
             longitudinal_horizon: 50,
             longitudinal_step_s: 0.1,
-            speed_cost_steps: 20,
+            goal_steps: 20,
             lateral_horizon: 20,
             spacing_min_m: 5.0,
             spacing_headway_s: 0.5,
@@ -188,7 +188,7 @@ impl ControlConfig {
         check_range("control.jerk_weight_s2", self.jerk_weight_s2, 1e-6, 100.0)?;
         check_range("control.longitudinal_horizon", f64::from(self.longitudinal_horizon), 2.0, most)?;
         check_range("control.longitudinal_step_s", self.longitudinal_step_s, 0.02, 0.5)?;
-        check_range("control.speed_cost_steps", f64::from(self.speed_cost_steps), 1.0, most)?;
+        check_range("control.goal_steps", f64::from(self.goal_steps), 1.0, most)?;
         check_range("control.lateral_horizon", f64::from(self.lateral_horizon), 2.0, most)?;
         check_range("control.limit_l1_weight", self.limit_l1_weight, 0.0, 1e8)?;
         check_range("control.limit_l2_weight", self.limit_l2_weight, 1e-3, 1e8)?;

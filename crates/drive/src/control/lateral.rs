@@ -80,6 +80,8 @@ const POSITION_TO_HEADING: f64 = 10.0;
 const PATH_RATIO_RANGE: (f64, f64) = (1e-8, 1e8);
 /// The model holds from this speed on; below, the car is steered as at this speed, m/s.
 const MODEL_SPEED_MIN_MPS: f64 = 5.0;
+/// A car slower than this keeps its wheel where it is, m/s: turning it would not move the car sideways.
+const STEERING_SPEED_MPS: f64 = 0.5;
 const MODEL_SPEED_MAX_MPS: f64 = 60.0;
 /// Distance of the tabulated speeds, m/s: interpolated matrices are within 1e-3 of the exact ones.
 const MODEL_SPEED_STEP_MPS: f64 = 0.25;
@@ -154,6 +156,11 @@ impl LateralMpc {
         path_ratio: f64,
     ) -> SteerPlan {
         let ego = &scene.ego;
+        if ego.speed_mps < STEERING_SPEED_MPS {
+            self.plan_age = usize::MAX;
+            let solve = SolveSummary { solved: true, ..SolveSummary::default() };
+            return self.answer(scene, Rung::Solved, 0.0, solve);
+        }
         self.problem.initial_state =
             [ego.d_m, ego.lateral_speed_mps, ego.heading_rad, ego.yaw_rate_radps, ego.steer_rad];
         self.set_stages(scene, reference, speeds_mps, path_ratio);

@@ -4,8 +4,10 @@
 //! (hard), acceleration and speed, and to a spacing from every leader's *predicted* position (soft, with an exact penalty).
 //!
 //! Departures from the paper: it bounds the present instant only and weighs P_1 and R_1 = 4 P_1, whose size cancels out; here only
-//! q_1 = P_1 / R_1 appears. The acceleration is that after the drive train, whose lag is inverted exactly in the command. The safe
-//! distance is quadratic in the speed and is linearized about the speeds of the plan before.
+//! q_1 = P_1 / R_1 appears. The goal counts in the first `goal_steps` stages; the rest of the horizon only sees what is ahead, at
+//! a_ref = 0: otherwise a plan puts off the approach to a leader to its own end, for ever. The acceleration is that after the drive
+//! train, whose lag is inverted exactly in the command. The safe distance is quadratic in the speed and is linearized about the
+//! speeds of the plan before. A car that stands with no room ahead is held without a solve.
 
 use lanecraft_qp::{Problem, Row, Solver, Start};
 
@@ -75,6 +77,8 @@ pub struct LongitudinalMpc {
     problem: Problem<3, 4>,
     solver: Solver<3, 4>,
     plan: LastPlan,
+    /// Lowest acceleration on this road: the controller's own limit, or what the adhesion leaves, m/s².
+    lowest_mps2: f64,
 }
 
 /// The last solved plan.
@@ -104,6 +108,7 @@ impl LongitudinalMpc {
                 speeds_mps: [0.0; SPEED_POINTS],
                 accel_mps2: 0.0,
             },
+            lowest_mps2: config.accel_min_mps2,
         };
         mpc.set_constants();
         mpc
@@ -135,7 +140,7 @@ impl LongitudinalMpc {
             stage.rows[ACCEL] = Row {
                 state: stage.a[2],
                 input: stage.b[2],
-                lower: config.accel_min_mps2,
+                lower: self.lowest_mps2,
                 upper: config.accel_max_mps2,
                 l1_weight: config.limit_l1_weight,
                 l2_weight: config.limit_l2_weight,
@@ -157,6 +162,7 @@ impl LongitudinalMpc {
             return self.hold();
         }
         self.problem.initial_state = [0.0, speed_mps, accel_mps2];
+        self.lowest_mps2 = self.config.accel_min_mps2.max(-self.config.braking(scene.road.adhesion()).max_brake_mps2);
         self.set_goal(goal, speed_ratio, speed_mps);
         self.set_spacing(scene, forecast, goal, speed_mps);
         let start = if self.plan.age == 0 { Start::Shifted(0) } else { Start::Cold };
@@ -195,11 +201,14 @@ impl LongitudinalMpc {
 
     fn set_goal(&mut self, goal: &SpeedGoal, speed_ratio: f64, speed_mps: f64) {
         let config = &self.config;
-        let weighed = usize::from(config.speed_cost_steps);
+        let pursued = usize::from(config.goal_steps);
         for (k, stage) in self.problem.stages.iter_mut().enumerate() {
-            stage.state_weight = [0.0, if k < weighed { speed_ratio } else { 0.0 }, 1.0];
-            stage.state_reference = [0.0, goal.target_speed_mps, goal.reference_accel_mps2];
+            let tail = k >= pursued;
+            let (ratio, reference_mps2) = if tail { (0.0, 0.0) } else { (speed_ratio, goal.reference_accel_mps2) };
+            stage.state_weight = [0.0, ratio, 1.0];
+            stage.state_reference = [0.0, goal.target_speed_mps, reference_mps2];
             let time_s = (k + 1) as f64 * config.longitudinal_step_s;
+            stage.rows[ACCEL].lower = self.lowest_mps2;
             stage.rows[SPEED].upper = config.speed_max_mps.max(speed_mps - SPEED_RETURN_MPS2 * time_s);
         }
     }
@@ -294,14 +303,14 @@ impl LongitudinalMpc {
                 cut(2.0 * (spare_m + (leader.speed_mps - v) * t) / (t * t));
             }
         }
-        if accel.is_nan() { accel } else { accel.clamp(config.accel_min_mps2, config.accel_max_mps2) }
+        if accel.is_nan() { accel } else { accel.clamp(self.lowest_mps2, config.accel_max_mps2) }
     }
 
     /// The command that gives the car the planned jerk for one control period.
     fn answer(&mut self, speed: f64, accel: f64, jerk: f64, rung: Rung, solve: SolveSummary) -> SpeedPlan {
         let config = &self.config;
         let now = if accel.is_finite() { accel } else { self.plan.accel_mps2 };
-        let (lowest, highest) = (config.accel_min_mps2, config.accel_max_mps2);
+        let (lowest, highest) = (self.lowest_mps2, config.accel_max_mps2);
         let command = if rung == Rung::FullBrake {
             -config.emergency_brake_mps2
         } else {

@@ -152,6 +152,26 @@ fn it_stops_for_a_standing_car_seen_at_150_m() {
 }
 
 #[test]
+fn a_wet_road_is_braked_on_in_time() {
+    let mut scene = scene(25.0, 0.4);
+    scene.neighbors = vec![leader(150.0, 0.0)];
+    let seen = follow(&mut scene, 0.0, &ControlConfig::default(), &keep(0.0));
+    assert!(scene.ego.speed_mps == 0.0 && seen.smallest_gap_m > 4.0, "{} m", seen.smallest_gap_m);
+    assert_eq!(seen.interventions, 0);
+}
+
+#[test]
+fn following_settles_at_the_spacing() {
+    let mut scene = scene(25.0, 0.85);
+    scene.neighbors = vec![leader(60.0, 20.0)];
+    let seen = follow(&mut scene, 0.0, &ControlConfig::default(), &keep(2.0));
+    // The plan keeps some room for the two seconds in which it would rather accelerate.
+    assert!((15.0..16.5).contains(&seen.final_gap_m), "{} m", seen.final_gap_m);
+    assert!((scene.ego.speed_mps - 20.0).abs() < 0.01 && scene.ego.accel_mps2.abs() < 0.01);
+    assert_eq!((seen.interventions, seen.worst), (0, Rung::Solved));
+}
+
+#[test]
 fn a_leader_that_brakes_is_never_touched() {
     for (speed, gap, brake) in [(30.0, 25.0, 5.0), (25.0, 20.0, 7.0), (33.0, 30.0, 3.0), (15.0, 13.0, 7.0)] {
         let mut scene = scene(speed, 0.85);
@@ -343,6 +363,71 @@ fn bad_numbers_go_down_the_ladder_and_recover() {
     assert_eq!((plan.rung, plan.accel_mps2), (Rung::FullBrake, -8.0));
     // A good scene after bad ones gets what a fresh controller answers.
     assert_eq!(speed.plan(&good, &forecast, &keep(0.0), 0.025), fresh);
+}
+
+#[test]
+fn the_guard_holds_against_any_command_and_any_leader() {
+    // The wanted acceleration and the leader's change at random; the leader never exceeds what the guard expects of it.
+    let (config, params) = (ControlConfig::default(), VehicleParams::default());
+    let guard = Guard::new(&config, &params, PERIOD_S);
+    for seed in 0..60 {
+        let mut draw = lanecraft_net::random::Stream::new(seed, "control.stress");
+        let adhesion = if draw.bernoulli(0.3) { 0.4 } else { 0.85 };
+        let hardest = config.braking(adhesion).leader_brake_mps2;
+        let mut scene = scene(draw.range(0.0, 40.0), adhesion);
+        let leader_speed = draw.range(0.0, 40.0);
+        let gap = crate::models::rss::safe_gap_m(scene.ego.speed_mps, 0.0, leader_speed, &config.braking(adhesion));
+        scene.neighbors = vec![leader(gap + 1.0, leader_speed)];
+        let (mut wanted, mut leader_accel) = (0.0, 0.0);
+        for k in 0..800 {
+            if k % 10 == 0 {
+                wanted = draw.range(-3.0, 4.0);
+                let fast = scene.neighbors[0].speed_mps > 40.0;
+                leader_accel = if draw.bernoulli(0.3) || fast { -hardest } else { draw.range(-2.0, 4.0) };
+            }
+            let command = ControlInput { accel_mps2: wanted, steer_rad: 0.0 };
+            let (input, _) = guard.check(&scene, [Some(LaneIndex(0)), None], command);
+            let before_m = scene.ego.s_m;
+            drive(&params, &mut scene, &input);
+            let travelled_m = scene.ego.s_m - before_m;
+            move_leader(&mut scene, leader_accel, travelled_m);
+            let gap_m = scene.neighbors[0].gap_m(4.8);
+            // Of the margin of 1 m a little may go: the plant brakes in steps, the law in continuous time.
+            assert!(gap_m > 0.9, "seed {seed}, step {k}: {gap_m} m");
+        }
+    }
+}
+
+#[test]
+fn a_clone_goes_on_with_the_same_bits() {
+    let params = VehicleParams::default();
+    let mut speed = LongitudinalMpc::new(&ControlConfig::default(), &params, PERIOD_S);
+    let mut steer = LateralMpc::new(&ControlConfig::default(), &params, PERIOD_S);
+    let mut scene = scene(28.0, 0.85);
+    scene.neighbors = vec![leader(45.0, 22.0)];
+    scene.ego.d_m = 0.4;
+    let mut copies = None;
+    let mut seen = [Vec::new(), Vec::new()];
+    for k in 0..60 {
+        let forecast = constant_speed(&scene);
+        let plan = speed.plan(&scene, &forecast, &keep(2.0), 0.025);
+        let turn = steer.plan(&scene, LateralReference::LaneCenter { d_m: 0.0 }, &plan.speeds_mps, 1e-3);
+        if let Some((speed, steer)) = &mut copies {
+            let (speed, steer): (&mut LongitudinalMpc, &mut LateralMpc) = (speed, steer);
+            let again = speed.plan(&scene, &forecast, &keep(2.0), 0.025);
+            seen[0].push((plan, turn));
+            let turn = steer.plan(&scene, LateralReference::LaneCenter { d_m: 0.0 }, &again.speeds_mps, 1e-3);
+            seen[1].push((again, turn));
+        }
+        if k == 20 {
+            copies = Some((speed.clone(), steer.clone()));
+        }
+        let before_m = scene.ego.s_m;
+        drive(&params, &mut scene, &ControlInput { accel_mps2: plan.accel_mps2, steer_rad: turn.steer_rad });
+        let travelled_m = scene.ego.s_m - before_m;
+        move_leader(&mut scene, 0.0, travelled_m);
+    }
+    assert_eq!(seen[0], seen[1]);
 }
 
 #[test]
