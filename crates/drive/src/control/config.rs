@@ -26,7 +26,8 @@ pub enum HeadingReference {
 #[serde(deny_unknown_fields, default)]
 #[expect(clippy::struct_excessive_bools, reason = "independent switches, each a key of the configuration file")]
 pub struct ControlConfig {
-    /// Lowest acceleration the longitudinal controller asks for, m/s². The paper gives none; −2 cannot resolve a closing speed of 10 m/s in 30 m.
+    /// Lowest acceleration the longitudinal controller asks for, m/s². The paper gives none; −2 cannot resolve a
+    /// closing speed of 10 m/s in 30 m.
     pub accel_min_mps2: f64,
     /// Highest acceleration, m/s² (Table II's largest reference).
     pub accel_max_mps2: f64,
@@ -34,12 +35,14 @@ pub struct ControlConfig {
     pub jerk_max_mps3: f64,
     /// Weight of the squared jerk against that of the squared acceleration error, s². Not in the paper.
     pub jerk_weight_s2: f64,
-    /// Stages of the longitudinal problem, N_p of Eq. 25; the paper gives none. Two seconds are too short to stop for a standing car.
+    /// Stages of the longitudinal problem, N_p of Eq. 25; the paper gives none. Two seconds are too short to stop for a
+    /// standing car.
     pub longitudinal_horizon: u8,
     /// Length of a longitudinal stage, s.
     pub longitudinal_step_s: f64,
-    /// Stages over which Eq. 25 pursues the target speed and the reference acceleration; later ones have a_ref = 0 and the limits, so
-    /// that a longer look-ahead changes neither how well a decision is obeyed nor how close the car follows.
+    /// Stages over which Eq. 25 pursues the target speed and the reference acceleration; later ones have a_ref = 0 and
+    /// the limits, so that a longer look-ahead changes neither how well a decision is obeyed nor how close the car
+    /// follows.
     pub goal_steps: u8,
     /// Stages of the lateral problem, N_p of Eq. 26, each one control period long; the paper gives none.
     pub lateral_horizon: u8,
@@ -65,15 +68,18 @@ pub struct ControlConfig {
     pub speed_max_mps: f64,
     /// V_min, m/s: 60 km/h.
     pub speed_min_mps: f64,
-    /// Whether V_min bounds the speed, as in the paper: softly, at 1/100 of the spacing's weights. Otherwise standstill does.
+    /// Whether V_min bounds the speed, as in the paper: softly, at 1/100 of the spacing's weights. Otherwise standstill
+    /// does.
     pub speed_floor: bool,
     /// Heading reference of Eq. 26.
     pub heading_reference: HeadingReference,
-    /// Weight of the squared change of the road-wheel angle in a step against that of its square, R_2. Not in the paper.
+    /// Weight of the squared change of the road-wheel angle in a step against that of its square, R_2. Not in the
+    /// paper.
     pub steer_change_weight: f64,
     /// Whether yaw rate and slip angles are bounded (the constraints of Eq. 26).
     pub stability_constraints: bool,
-    /// Share of the slip limits that may be used: real tires exceed the linear model's slip at the limit by 11–19 %. The paper has 1.
+    /// Share of the slip limits that may be used: real tires exceed the linear model's slip at the limit by 11–19 %.
+    /// The paper has 1.
     pub stability_tightening: f64,
     /// Share of μ g / V that bounds the yaw rate (Rajamani, 2012). The paper has 1.
     pub yaw_rate_factor: f64,

@@ -1,8 +1,9 @@
 //! The guard: the last check before the plant, at every control step.
 //!
-//! If the wanted command would break the safe distance to *any* vehicle ahead in an occupied lane, or laterally so close that it may
-//! come into the way, the mildest braking that keeps it takes its place; if none does, full braking. Looking at the nearest leader
-//! alone is not enough: a fast near one hides a standing far one of the other lane, and two cars that swap lanes lose each other.
+//! If the wanted command would break the safe distance to *any* vehicle ahead in an occupied lane, or laterally so
+//! close that it may come into the way, the mildest braking that keeps it takes its place; if none does, full braking.
+//! Looking at the nearest leader alone is not enough: a fast near one hides a standing far one of the other lane, and
+//! two cars that swap lanes lose each other.
 
 use crate::control::config::ControlConfig;
 use crate::models::rss::{Braking, safe_gap_m};
@@ -181,8 +182,8 @@ impl Guard {
         gap_m >= safe_gap_m(next.speed_mps, next.accel_mps2, leader_next, braking)
     }
 
-    /// Whether a lane change from `origin` to `target` should be given up: the target lane has become unsafe, the marking is not yet
-    /// reached and the old lane is safe.
+    /// Whether a lane change from `origin` to `target` should be given up: the target lane has become unsafe, the
+    /// marking is not yet reached and the old lane is safe.
     pub fn abort_advised(&self, scene: &Scene, origin: LaneIndex, target: LaneIndex) -> bool {
         let braking = self.config.braking(scene.road.adhesion());
         let from_center_m = scene.ego.d_m - scene.road.lane_center_m(origin);

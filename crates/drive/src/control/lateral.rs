@@ -1,11 +1,12 @@
 //! The lateral controller (Eq. 26): model-predictive path tracking within the limits of lateral stability.
 //!
-//! minimize Σ P_21 (φ − φ_ref)² + P_22 (Y − Y_ref)² + R_2 δ² + w R_2 Δδ², with P_22 = 10 P_21 and q_2 = P_21 / R_2, subject to the bounds
-//! of Δδ (hard) and of δ, yaw rate and both slip angles (soft). The state is [d, V_y, φ, γ, δ] and the input Δδ.
+//! minimize Σ P_21 (φ − φ_ref)² + P_22 (Y − Y_ref)² + R_2 δ² + w R_2 Δδ², with P_22 = 10 P_21 and q_2 = P_21 / R_2,
+//! subject to the bounds of Δδ (hard) and of δ, yaw rate and both slip angles (soft). The state is [d, V_y, φ, γ, δ]
+//! and the input Δδ.
 //!
-//! Departures from the paper: the model follows the planned speed along the horizon and is discretized by zero-order hold; steering
-//! lag, road curvature (with its steady steering angle and sideslip as references) and a small cost of Δδ are added. Cost and slack
-//! weights are divided by P_21, so that the slack weights mean the same at every q_2.
+//! Departures from the paper: the model follows the planned speed along the horizon and is discretized by zero-order
+//! hold; steering lag, road curvature (with its steady steering angle and sideslip as references) and a small cost of
+//! Δδ are added. Cost and slack weights are divided by P_21, so that the slack weights mean the same at every q_2.
 
 use std::sync::Arc;
 
@@ -116,7 +117,8 @@ struct StabilityLimits {
 }
 
 impl LateralMpc {
-    /// A controller for this car; both must be valid. `control_period_s`: time between two calls of [`Self::plan`] and length of a stage.
+    /// A controller for this car; both must be valid. `control_period_s`: time between two calls of [`Self::plan`] and
+    /// length of a stage.
     pub fn new(config: &ControlConfig, params: &VehicleParams, control_period_s: f64) -> Self {
         let horizon = usize::from(config.lateral_horizon);
         let response = lag_response(params.steer_lag_s, control_period_s);
@@ -144,8 +146,8 @@ impl LateralMpc {
         }
     }
 
-    /// Plans from this scene along `reference`. `speeds_mps`: the speed profile of the longitudinal controller, one point for each
-    /// longitudinal step, the first one now. `path_ratio` is q_2.
+    /// Plans from this scene along `reference`. `speeds_mps`: the speed profile of the longitudinal controller, one
+    /// point for each longitudinal step, the first one now. `path_ratio` is q_2.
     ///
     /// Answers on every input: what cannot be solved goes down the ladder of [`Rung`].
     pub fn plan(
@@ -229,7 +231,8 @@ impl LateralMpc {
         stage.c = [-0.5 * turned * speed_mps * self.period_s, 0.0, -turned, 0.0, 0.0];
     }
 
-    /// Soft bounds of stage `k`. The front slip is bounded at the step's start, just after the wheel has turned: it is largest there.
+    /// Soft bounds of stage `k`. The front slip is bounded at the step's start, just after the wheel has turned: it is
+    /// largest there.
     fn set_limits(&mut self, k: usize, speed_mps: f64, limits: &StabilityLimits) {
         let (lf, lr) = (self.params.front_axle_m / speed_mps, self.params.rear_axle_m / speed_mps);
         let (l1_weight, l2_weight) = (self.config.stability_l1_weight, self.config.stability_l2_weight);
@@ -279,7 +282,8 @@ impl LateralMpc {
         }
     }
 
-    /// Critically damped approach of the reference by steady-state steering, within the front slip limit; NaN if the state is.
+    /// Critically damped approach of the reference by steady-state steering, within the front slip limit; NaN if the
+    /// state is.
     fn feedback_steer_rad(&self, scene: &Scene, reference: LateralReference<'_>) -> f64 {
         let ego = &scene.ego;
         let speed_mps = ego.speed_mps.clamp(MODEL_SPEED_MIN_MPS, MODEL_SPEED_MAX_MPS);

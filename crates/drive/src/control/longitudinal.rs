@@ -1,13 +1,15 @@
 //! The longitudinal controller (Eq. 25): model-predictive control of speed and acceleration behind predicted leaders.
 //!
-//! minimize Σ q_1 (V − V_target)² + (a − a_ref)² + w j², with the state [s, V, a] and the jerk j as input, subject to the bounds of jerk
-//! (hard), acceleration and speed, and to a spacing from every leader's *predicted* position (soft, with an exact penalty).
+//! minimize Σ q_1 (V − V_target)² + (a − a_ref)² + w j², with the state [s, V, a] and the jerk j as input, subject to
+//! the bounds of jerk (hard), acceleration and speed, and to a spacing from every leader's *predicted* position (soft,
+//! with an exact penalty).
 //!
-//! Departures from the paper: it bounds the present instant only and weighs P_1 and R_1 = 4 P_1, whose size cancels out; here only
-//! q_1 = P_1 / R_1 appears. The goal counts in the first `goal_steps` stages; the rest of the horizon only sees what is ahead, at
-//! a_ref = 0: otherwise a plan puts off the approach to a leader to its own end, for ever. The acceleration is that after the drive
-//! train, whose lag is inverted exactly in the command. The safe distance is quadratic in the speed and is linearized about the
-//! speeds of the plan before. A car that stands with no room ahead is held without a solve.
+//! Departures from the paper: it bounds the present instant only and weighs P_1 and R_1 = 4 P_1, whose size cancels
+//! out; here only q_1 = P_1 / R_1 appears. The goal counts in the first `goal_steps` stages; the rest of the horizon
+//! only sees what is ahead, at a_ref = 0: otherwise a plan puts off the approach to a leader to its own end, for ever.
+//! The acceleration is that after the drive train, whose lag is inverted exactly in the command. The safe distance is
+//! quadratic in the speed and is linearized about the speeds of the plan before. A car that stands with no room ahead
+//! is held without a solve.
 
 use lanecraft_qp::{Problem, Row, Solver, Start};
 
@@ -176,7 +178,8 @@ impl LongitudinalMpc {
         self.answer(speed_mps, accel_mps2, jerk_mps3, rung, summary)
     }
 
-    /// Whether the car stands with no room ahead: every limit of the problem meets in that point, and there is nothing to plan.
+    /// Whether the car stands with no room ahead: every limit of the problem meets in that point, and there is nothing
+    /// to plan.
     fn stays(&self, scene: &Scene, goal: &SpeedGoal, speed_mps: f64) -> bool {
         let room_m = self.config.spacing_min_m + STANDING_ROOM_M;
         speed_mps.abs() < STANDING_SPEED_MPS
@@ -290,7 +293,8 @@ impl LongitudinalMpc {
         (Rung::FeedbackLaw, jerk.clamp(-config.jerk_max_mps3, config.jerk_max_mps3))
     }
 
-    /// The reference acceleration, cut so that the spacing is kept after the preview time and V_max is not passed; NaN if a leader is.
+    /// The reference acceleration, cut so that the spacing is kept after the preview time and V_max is not passed; NaN
+    /// if a leader is.
     fn feedback_accel_mps2(&self, scene: &Scene, goal: &SpeedGoal, v: f64) -> f64 {
         let config = &self.config;
         let t = FEEDBACK_PREVIEW_S;
@@ -326,13 +330,15 @@ impl LongitudinalMpc {
     }
 }
 
-/// Slope and value at standstill of the safe gap's tangent in the ego's speed. The acceleration counts as zero: the plan changes it.
+/// Slope and value at standstill of the safe gap's tangent in the ego's speed. The acceleration counts as zero: the
+/// plan changes it.
 fn safe_line(guess_mps: f64, leader_speed_mps: f64, braking: &Braking) -> (f64, f64) {
     let safe = safe_gap(guess_mps, 0.0, leader_speed_mps, braking);
     (safe.slope_s, safe.gap_m - safe.slope_s * guess_mps)
 }
 
-/// Makes `row` the limit s + slope V ≤ bound after the step, if that is tighter at the guessed speed than what it holds.
+/// Makes `row` the limit s + slope V ≤ bound after the step, if that is tighter at the guessed speed than what it
+/// holds.
 fn tighten(row: &mut Row<3>, (a, b): (&[[f64; 3]; 3], &[f64; 3]), (slope_s, bound_m): (f64, f64), guess_mps: f64) {
     let held_slope_s = row.state[1] - a[0][1];
     // Written so that NaN gets in, for the solver to refuse.

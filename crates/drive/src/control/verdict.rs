@@ -2,12 +2,14 @@
 
 use lanecraft_qp::{Status, Verdict};
 
-/// Weights of the two controllers' costs, chosen with the maneuver. Only the ratios matter: scaling a whole cost changes nothing.
+/// Weights of the two controllers' costs, chosen with the maneuver. Only the ratios matter: scaling a whole cost
+/// changes nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControlWeights {
     /// q_1 = P_1 / R_1 of Eq. 25: squared speed error against squared acceleration error, 1/s².
     pub speed_ratio: f64,
-    /// q_2 = P_21 / R_2 of Eq. 26: squared heading error against squared steering angle; P_22 = 10 P_21 weighs the lateral error.
+    /// q_2 = P_21 / R_2 of Eq. 26: squared heading error against squared steering angle; P_22 = 10 P_21 weighs the
+    /// lateral error.
     pub path_ratio: f64,
 }
 

@@ -1,8 +1,10 @@
-//! The ego car's law of safe distance, after responsibility-sensitive safety (Shalev-Shwartz, Shammah and Shashua, 2017).
+//! The ego car's law of safe distance, after responsibility-sensitive safety (Shalev-Shwartz, Shammah and Shashua,
+//! 2017).
 //!
-//! The leader may brake at any time, as hard as it can; the ego goes on at its present acceleration for a reaction time, then
-//! builds up its own full braking at a bounded jerk. The gap is safe if the two never touch. Where the ego brakes harder than the
-//! leader, the closest instant may come before both stand: then it counts, and not the difference of the stopping distances.
+//! The leader may brake at any time, as hard as it can; the ego goes on at its present acceleration for a reaction
+//! time, then builds up its own full braking at a bounded jerk. The gap is safe if the two never touch. Where the ego
+//! brakes harder than the leader, the closest instant may come before both stand: then it counts, and not the
+//! difference of the stopping distances.
 
 /// What both cars are assumed to do in an emergency.
 #[derive(Clone, Copy, Debug, PartialEq)]

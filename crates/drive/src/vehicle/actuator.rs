@@ -1,4 +1,5 @@
-//! Steering and drive train: first-order lags with a rate limit, solved exactly, so that their step size does not matter.
+//! Steering and drive train: first-order lags with a rate limit, solved exactly, so that their step size does not
+//! matter.
 
 /// Where a first-order lag driven towards a constant `target` is after `time_s`, its rate limited to `rate` per second.
 ///

@@ -1,7 +1,8 @@
-//! The controllers' linear single-track model (Eqs. 2–4 at small angles): its matrices, steady states and exact discrete form.
+//! The controllers' linear single-track model (Eqs. 2–4 at small angles): its matrices, steady states and exact
+//! discrete form.
 //!
-//! State x = [d, V_y, φ, γ, δ]: lateral position, lateral speed, heading relative to the road, yaw rate and road-wheel angle.
-//! Discretization is by zero-order hold: forward Euler of this model diverges at 0.05 s and 20 m/s.
+//! State x = [d, V_y, φ, γ, δ]: lateral position, lateral speed, heading relative to the road, yaw rate and road-wheel
+//! angle. Discretization is by zero-order hold: forward Euler of this model diverges at 0.05 s and 20 m/s.
 
 use lanecraft_qp::zero_order_hold;
 
@@ -43,7 +44,8 @@ pub fn steady_sideslip_rad(params: &VehicleParams, speed_mps: f64, curvature_rad
 
 /// x_{k+1} = A x_k + B Δδ_k, with Δδ the *achieved* change of the road-wheel angle in the step.
 ///
-/// The actuator's lag is inside: a step's command is δ + Δδ / (1 − e^(−h/T)), so that δ arrives at δ + Δδ at the step's end.
+/// The actuator's lag is inside: a step's command is δ + Δδ / (1 − e^(−h/T)), so that δ arrives at δ + Δδ at the step's
+/// end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DiscreteBicycle {
     /// A, row by row.

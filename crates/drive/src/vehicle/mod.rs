@@ -1,4 +1,5 @@
-//! The car: parameters (Table I), tires, actuators, the controllers' linear model and the plant that stands for the truth.
+//! The car: parameters (Table I), tires, actuators, the controllers' linear model and the plant that stands for the
+//! truth.
 
 mod actuator;
 pub mod bicycle;

@@ -30,7 +30,8 @@ pub enum VehiclePreset {
 pub struct VehicleParams {
     /// Mass M, kg (Table I).
     pub mass_kg: f64,
-    /// Yaw inertia J_z, kg m². Table I prints 606.1, which has the size of a roll inertia; 1536.7 is that of public models of the same car.
+    /// Yaw inertia J_z, kg m². Table I prints 606.1, which has the size of a roll inertia; 1536.7 is that of public
+    /// models of the same car.
     pub yaw_inertia_kgm2: f64,
     /// Center of gravity to front axle L_f, m (Table I).
     pub front_axle_m: f64,

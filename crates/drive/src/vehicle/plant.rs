@@ -3,9 +3,10 @@
 //! V̇_x = a_x + V_y γ, M (V̇_y + V_x γ) = F_yf + F_yr, J_z γ̇ = L_f F_yf − L_r F_yr, and, along a road of curvature κ,
 //! ṡ = (V_x cos φ − V_y sin φ) / (1 − κ d), ḋ = V_x sin φ + V_y cos φ, φ̇ = γ − κ ṡ.
 //!
-//! Departures from the paper: sine and cosine instead of small angles; actuator lags and limits; braking and driving bounded by μ g;
-//! below a walking pace the slip angles are singular, so that V_y and γ pass over to those of rolling without slip. Longitudinal and
-//! lateral forces do not share the tire's grip: the car can brake by μ g while it corners.
+//! Departures from the paper: sine and cosine instead of small angles; actuator lags and limits; braking and driving
+//! bounded by μ g; below a walking pace the slip angles are singular, so that V_y and γ pass over to those of rolling
+//! without slip. Longitudinal and lateral forces do not share the tire's grip: the car can brake by μ g while it
+//! corners.
 
 use crate::vehicle::actuator::lagged;
 use crate::vehicle::tire::{GRAVITY_MPS2, axle_force_n, axle_loads_n, slip_angles_rad};
@@ -31,8 +32,8 @@ pub struct Contact {
 
 /// The state of the car `dt_s` later (0.01 s is meant), with `input` held.
 ///
-/// A speed that would fall below zero ends at exactly zero, where the car rests until it is driven off. Non-finite numbers are
-/// passed on, for the caller to find.
+/// A speed that would fall below zero ends at exactly zero, where the car rests until it is driven off. Non-finite
+/// numbers are passed on, for the caller to find.
 pub fn step(
     params: &VehicleParams,
     state: &VehicleState,
@@ -48,7 +49,8 @@ pub fn step(
     if next.speed_mps >= 0.0 || next.speed_mps.is_nan() {
         return next;
     }
-    // The car stops within the step: integrate to that instant, found by the secant, which is exact for constant braking.
+    // The car stops within the step: integrate to that instant, found by the secant, which is exact for constant
+    // braking.
     let share = state.speed_mps / (state.speed_mps - next.speed_mps);
     at_rest(&drive.integrate(share * dt_s), drive.steer_rad(dt_s))
 }

@@ -1,6 +1,7 @@
 //! Lateral tire forces (Eq. 3): how the force of an axle follows from its slip angle.
 //!
-//! Departure: Eq. 3 prints F = 2 K α with the positive stiffness of Table I, which makes the car unstable. The force restores: F = −2 K α.
+//! Departure: Eq. 3 prints F = 2 K α with the positive stiffness of Table I, which makes the car unstable. The force
+//! restores: F = −2 K α.
 
 use crate::vehicle::{TireModel, VehicleParams};
 
@@ -16,7 +17,8 @@ pub fn axle_loads_n(params: &VehicleParams) -> (f64, f64) {
     (weight_n * params.rear_axle_m / wheelbase_m, weight_n * params.front_axle_m / wheelbase_m)
 }
 
-/// Slip angles at which linear tires reach μ F_z, front and rear, rad: the bounds of Eq. 26 (after Beal and Gerdes, 2013).
+/// Slip angles at which linear tires reach μ F_z, front and rear, rad: the bounds of Eq. 26 (after Beal and Gerdes,
+/// 2013).
 pub fn slip_limits_rad(params: &VehicleParams, adhesion: f64) -> (f64, f64) {
     let (front_n, rear_n) = axle_loads_n(params);
     (
