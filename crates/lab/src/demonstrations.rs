@@ -4,7 +4,9 @@
 //! recorded traffic, which does not react. Synthetic drivers, since the paper's fifty are not public: a noisy choice by hidden
 //! weights (probability ∝ exp ϖᵀH), driven with an error in duration and in the lateral end position.
 
-use lanecraft_drive::plan::{FEATURE_NAMES, FEATURES, FeatureConfig, LateralState, Quintic, RewardModel, features, features_of_set};
+use lanecraft_drive::plan::{
+    FEATURE_NAMES, FEATURES, FeatureConfig, LateralState, Quintic, RewardModel, features, features_of_set,
+};
 use lanecraft_learn::irl::CandidateSet;
 use lanecraft_net::random::Stream;
 use serde::{Deserialize, Serialize};
@@ -74,8 +76,8 @@ impl Demonstrations {
 pub enum DriverDuration {
     /// Begin and end as recorded: while the lateral speed is above 0.1 m/s.
     Record,
-    /// Begin and duration of the rest-to-rest quintic nearest to the lateral track. A slow drift before or after the change makes
-    /// it long: three of four of the longest are twice as long as recorded.
+    /// Begin and duration of the rest-to-rest quintic nearest to the lateral track. A slow drift before or after the change
+    /// stretches it, up to the longest candidate, and durations scatter more than by the record.
     QuinticFit,
 }
 
@@ -133,7 +135,14 @@ fn recorded_one(event: &LaneChangeEvent, config: &RecordedConfig) -> Demonstrati
     features_of_set(&config.features, motion, event.neighbors.len(), position_m, &mut vectors);
     let chosen = nearest(&durations_s, driver_duration_s);
     let driver_features = vectors[chosen];
-    Demonstration { group: event.site.clone(), durations_s, features: vectors, chosen, driver_duration_s, driver_features }
+    Demonstration {
+        group: event.site.clone(),
+        durations_s,
+        features: vectors,
+        chosen,
+        driver_duration_s,
+        driver_features,
+    }
 }
 
 /// Durations from `min_s` to `max_s` on the grid.
@@ -297,4 +306,84 @@ fn draw(rewards: &[f64], quantile: f64) -> usize {
         }
     }
     rewards.len() - 1
+}
+
+#[cfg(test)]
+mod tests {
+    use lanecraft_drive::road::Side;
+
+    use super::*;
+    use crate::data::events::TrackPoint;
+
+    fn track(vehicle_id: u32, at: impl Fn(f64) -> (f64, f64)) -> Track {
+        let point = |k: u32| {
+            let time_s = -5.0 + 0.1 * f64::from(k);
+            let (s_m, d_m) = at(time_s);
+            TrackPoint { time_s, s_m, d_m, speed_mps: 15.0 }
+        };
+        Track { vehicle_id, length_m: 4.5, width_m: 1.8, points: (0..=100).map(point).collect() }
+    }
+
+    /// A change by 3.4 m to the right within 4.2 s, begun 2 s before the crossing, at 15 m/s, beside a car that keeps pace.
+    fn event() -> LaneChangeEvent {
+        let path = Quintic::new(LateralState { d_m: 1.0, ..LateralState::default() }, -2.4, 4.2);
+        LaneChangeEvent {
+            id: "made up".into(),
+            site: "here".into(),
+            road: RoadKind::Freeway,
+            side: Side::Right,
+            start_s: -1.7,
+            end_s: 1.9,
+            start_d_m: 0.9,
+            end_d_m: -2.3,
+            mean_speed_mps: 15.0,
+            ego: track(1, |time_s| (15.0 * time_s, path.at(time_s + 2.0).0)),
+            neighbors: vec![track(2, |time_s| (15.0 * time_s + 8.0, -2.3))],
+        }
+    }
+
+    #[test]
+    fn a_quintic_fitted_to_a_quintic_is_that_quintic() {
+        let (start_s, duration_s) = fitted_quintic(&event().ego, &RecordedConfig::default());
+        assert!((start_s + 2.0).abs() < 1e-9 && (duration_s - 4.2).abs() < 1e-9);
+    }
+
+    #[test]
+    fn candidates_of_a_recorded_driver_share_all_but_the_duration() {
+        let config = RecordedConfig::default();
+        let demonstrations = recorded(&[event(), LaneChangeEvent { road: RoadKind::Arterial, ..event() }], &config);
+        let [item] = &demonstrations.items[..] else { panic!("one freeway event") };
+        assert_eq!((item.durations_s.len(), item.features.len()), (86, 86));
+        assert!((item.durations_s[item.chosen] - 3.6).abs() < 1e-9);
+        for (duration_s, vector) in item.durations_s.iter().zip(&item.features) {
+            let path = Quintic::new(LateralState { d_m: 0.9, ..LateralState::default() }, -2.3, *duration_s);
+            let expected = features(&config.features, &path, 15.0, 1, |_, time_s| (8.0 + 15.0 * time_s, -2.3));
+            for i in 0..FEATURES {
+                assert!((vector[i] - expected[i]).abs() < 1e-9 * expected[i].max(1.0));
+            }
+        }
+    }
+
+    #[test]
+    fn synthetic_drivers_are_the_same_for_the_same_seed_and_as_quick_as_meant() {
+        let config = SyntheticConfig::default();
+        let drivers = synthetic(&config, 7, 300);
+        assert_eq!(drivers, synthetic(&config, 7, 300));
+        assert_ne!(drivers, synthetic(&config, 8, 300));
+        assert_eq!(drivers.groups().len(), 300);
+        let durations: Vec<f64> = drivers.items.iter().map(|item| item.driver_duration_s).collect();
+        let mean_s = durations.iter().sum::<f64>() / 300.0;
+        let variance = durations.iter().map(|t| (t - mean_s) * (t - mean_s)).sum::<f64>() / 300.0;
+        assert!((2.2..2.8).contains(&mean_s) && (0.15..0.4).contains(&variance.sqrt()), "{mean_s} {variance}");
+    }
+
+    #[test]
+    fn probabilities_sum_to_one_however_large_the_rewards() {
+        let log_probabilities = log_probabilities(&[1e4, 1e4 - 1.0, -1e4]);
+        let sum: f64 = log_probabilities.iter().map(|log| libm::exp(*log)).sum();
+        assert!((sum - 1.0).abs() < 1e-12);
+        assert_eq!(draw(&[0.0, 0.0], 0.4), 0);
+        assert_eq!(draw(&[0.0, 0.0], 0.6), 1);
+        assert_eq!(draw(&[0.0, 0.0], 1.0), 1);
+    }
 }

@@ -3,7 +3,9 @@
 pub mod baselines;
 pub mod config;
 pub mod data;
+pub mod demonstrations;
 pub mod evaluate;
+pub mod irl;
 pub mod metrics;
 pub mod policy;
 pub mod progress;

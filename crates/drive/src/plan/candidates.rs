@@ -247,6 +247,15 @@ mod tests {
     }
 
     #[test]
+    fn a_configuration_survives_its_text() {
+        let config = PlannerConfig { bound: LateralBound::CourseAngle, ..PlannerConfig::default() };
+        let text = toml::to_string(&config).unwrap();
+        assert!(text.contains("bound = \"course-angle\"") && text.contains("[features]"));
+        assert_eq!(toml::from_str::<PlannerConfig>(&text).unwrap(), config);
+        assert!(toml::from_str::<PlannerConfig>("safety_gap = 3.0").is_err());
+    }
+
+    #[test]
     fn a_bad_configuration_is_refused() {
         assert!(PlannerConfig::default().validate().is_ok());
         assert!(PlannerConfig { duration_min_s: 4.5, ..PlannerConfig::default() }.validate().is_err());
