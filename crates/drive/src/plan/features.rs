@@ -191,7 +191,36 @@ pub struct RewardModel {
     pub source: String,
 }
 
+/// A learned reward that cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RewardError {
+    /// Learned on other features, or in another order.
+    #[error("the reward's features are {found:?}, but must be {FEATURE_NAMES:?}")]
+    Names {
+        /// The names found.
+        found: [String; FEATURES],
+    },
+    /// A number out of its range.
+    #[error("the learned reward: {0}")]
+    Value(#[from] ConfigError),
+}
+
 impl RewardModel {
+    /// Checks names and ranges, as of a model read from a file.
+    pub fn validate(&self) -> Result<(), RewardError> {
+        if self.features != FEATURE_NAMES {
+            return Err(RewardError::Names { found: self.features.clone() });
+        }
+        self.definition.validate()?;
+        for i in 0..FEATURES {
+            check_range("reward.mean", self.mean[i], -1e6, 1e6)?;
+            check_range("reward.scale", self.scale[i], 1e-12, 1e6)?;
+            check_range("reward.weights", self.weights[i], -1e6, 1e6)?;
+        }
+        Ok(())
+    }
+
     /// r of a feature vector.
     pub fn reward(&self, features: &[f64; FEATURES]) -> f64 {
         reward(&self.weights, (&self.mean, &self.scale), features)
@@ -254,6 +283,25 @@ mod tests {
         assert_eq!(table[3], si[3]);
         // Orders of magnitude of Table IV: 2e-4 … 5e-4, 17 … 30, 0.095 … 0.14.
         assert!((1e-4..1e-3).contains(&table[0]) && (10.0..40.0).contains(&table[2]));
+    }
+
+    #[test]
+    fn a_reward_on_other_features_is_refused() {
+        let good = RewardModel {
+            features: FEATURE_NAMES.map(str::to_owned),
+            definition: FeatureConfig::default(),
+            mean: [0.0; FEATURES],
+            scale: [1.0; FEATURES],
+            weights: [-1.0; FEATURES],
+            source: String::new(),
+        };
+        assert_eq!(good.validate(), Ok(()));
+        let mut swapped = good.clone();
+        swapped.features.swap(0, 1);
+        assert!(swapped.validate().unwrap_err().to_string().contains("[\"stability\", \"collision\""));
+        let flat = RewardModel { scale: [1.0, 0.0, 1.0, 1.0], ..good.clone() };
+        assert!(matches!(flat.validate(), Err(RewardError::Value(_))));
+        assert!(RewardModel { weights: [f64::NAN; FEATURES], ..good }.validate().is_err());
     }
 
     #[test]

@@ -11,7 +11,9 @@ mod quintic;
 mod window;
 
 pub use candidates::{LateralBound, PlannerConfig};
-pub use features::{FEATURE_NAMES, FEATURES, FeatureConfig, FeatureUnits, RewardModel, features, features_of_set};
+pub use features::{
+    FEATURE_NAMES, FEATURES, FeatureConfig, FeatureUnits, RewardError, RewardModel, features, features_of_set,
+};
 pub use planner::{LaneChangePath, Planner};
 pub use quintic::{LateralState, Quintic};
 pub use window::{Refusal, Window};
