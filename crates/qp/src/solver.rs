@@ -14,24 +14,37 @@ const ITERATION_BUDGET: u32 = 600;
 const TOLERANCE: f64 = 1e-12;
 /// A solve ends as solved below this residual: rounding can keep ill-scaled problems above `TOLERANCE`.
 const ACCEPTED: f64 = 1e-6;
+/// Residual of the active constraints below which others may enter.
+const SETTLING: f64 = 1e-6;
 /// How often a factor that brings no progress is made anew, as it may have lost digits by many changes.
 const RENEWALS: u32 = 2;
-/// Violated constraints less than this share of the worst one wait for a later round.
+/// Candidates that gain less than this share of the best one wait for a later round.
 const ENTRY_SHARE: f64 = 0.05;
-/// Constraints that enter in one round at most.
-const ENTRIES: usize = 8;
+/// Candidates that enter in one round at most.
+const ENTRIES: usize = 2;
+/// Newton steps after which only the best one enters.
+const PATIENCE: u32 = 150;
 
-/// A violated constraint that is not in the active set: the worst of its stage.
+/// A violated constraint that is not in the active set: the best of its stage.
 #[derive(Clone, Copy, Debug)]
 struct Candidate {
     index: usize,
     sign: f64,
     excess: f64,
-    /// The excess relative to the terms of the constraint; 0 if the stage has none.
-    violation: f64,
+    /// 0 if the stage has none.
+    gain: f64,
 }
 
-const NO_CANDIDATE: Candidate = Candidate { index: 0, sign: 0.0, excess: 0.0, violation: 0.0 };
+const NO_CANDIDATE: Candidate = Candidate { index: 0, sign: 0.0, excess: 0.0, gain: 0.0 };
+
+/// The best there is outside the active set.
+#[derive(Clone, Copy, Debug, Default)]
+struct Price {
+    /// Largest relative violation.
+    violation: f64,
+    /// Largest gain of a candidate.
+    gain: f64,
+}
 
 /// Solver of problems with NX states, NS soft rows per stage and a fixed horizon. A clone goes on exactly as the original.
 #[derive(Clone, Debug)]
@@ -167,22 +180,21 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             if !held.is_finite() {
                 return f64::INFINITY;
             }
-            // As long as Newton steps still improve the set at hand, the violations of the others say little.
-            if held <= TOLERANCE || held > 0.5 * before {
-                let violation = self.find_candidates(problem);
-                let settled = violation == 0.0 && (held <= TOLERANCE || renewals == RENEWALS);
-                if settled || self.iterations >= ITERATION_BUDGET {
-                    return held.max(violation);
-                }
-                if violation > 0.0 {
-                    self.enter_candidates(problem, violation);
-                } else {
-                    self.active.forget_factor();
-                    renewals += 1;
-                }
+            let stalled = held > 0.5 * before;
+            before = held;
+            // While Newton steps still improve the set at hand, the violations of the others say little.
+            let price = if stalled || held <= SETTLING { self.price(problem, held) } else { Price::default() };
+            let optimal = price.gain == 0.0 && (held <= TOLERANCE || (stalled && renewals == RENEWALS));
+            if optimal || self.iterations >= ITERATION_BUDGET {
+                return held.max(price.violation);
+            }
+            if price.gain > 0.0 {
+                self.enter_candidates(problem, price.gain);
                 before = f64::INFINITY;
-            } else {
-                before = held;
+            } else if stalled {
+                self.active.forget_factor();
+                renewals += 1;
+                before = f64::INFINITY;
             }
             self.ascend();
         }
@@ -237,43 +249,59 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
         terms.sum::<f64>() + row.input.abs() * self.trajectory.input_scale
     }
 
-    /// The worst violated constraint of each stage; returns the largest relative violation.
-    fn find_candidates(&mut self, problem: &Problem<NX, NS>) -> f64 {
-        let mut worst: f64 = 0.0;
-        for (k, stage) in problem.stages.iter().enumerate() {
-            let (x, u) = (&self.trajectory.states[k], self.trajectory.inputs[k]);
+    /// Finds the best candidate of each stage, among violations that stand out from the rounding in `held`.
+    fn price(&mut self, problem: &Problem<NX, NS>, held: f64) -> Price {
+        let threshold = TOLERANCE.max(10.0 * held);
+        let mut price = Price::default();
+        for (stage, data) in problem.stages.iter().enumerate() {
+            let (x, u) = (self.trajectory.states[stage], self.trajectory.inputs[stage]);
             let mut best = NO_CANDIDATE;
-            for (index, row) in stage.rows.iter().map(Some).chain([None]).enumerate() {
-                let value = row.map_or(u, |row| row_value(row, x, u));
+            for (index, row) in data.rows.iter().map(Some).chain([None]).enumerate() {
+                let value = row.map_or(u, |row| row_value(row, &x, u));
                 let (lower, upper) = row.map_or((problem.input_min, problem.input_max), |row| (row.lower, row.upper));
-                let (sign, excess, bound) =
-                    if value > upper { (1.0, value - upper, upper) } else { (-1.0, lower - value, lower) };
-                if excess > 0.0 && !self.active.contains(k * (NS + 1) + index) {
-                    let violation = excess / (self.scale(row) + bound.abs());
-                    if violation > TOLERANCE && violation > best.violation {
-                        best = Candidate { index, sign, excess, violation };
+                let (sign, bound) = if value > upper { (1.0, upper) } else { (-1.0, -lower) };
+                let excess = sign * value - bound;
+                let place = Place { stage, index };
+                if excess <= 0.0 || self.active.contains(self.responses.id(place)) {
+                    continue;
+                }
+                let violation = excess / (self.scale(row) + bound.abs());
+                price.violation = price.violation.max(violation);
+                if violation > threshold {
+                    let gain = self.gain(problem, place, excess);
+                    if gain > best.gain {
+                        best = Candidate { index, sign, excess, gain };
                     }
                 }
             }
-            self.candidates[k] = best;
-            worst = worst.max(best.violation);
+            self.candidates[stage] = best;
+            price.gain = price.gain.max(best.gain);
         }
-        worst
+        price
     }
 
-    /// Enters the worst candidate and those that are peaks along the horizon.
-    fn enter_candidates(&mut self, problem: &Problem<NX, NS>, worst: f64) {
+    /// Twice what the dual would gain by this constraint alone.
+    fn gain(&mut self, problem: &Problem<NX, NS>, place: Place, excess: f64) -> f64 {
+        self.responses.learn(&self.riccati, problem, place);
+        let response = self.responses.response(place);
+        // Without response the gain is without bound.
+        (excess * excess / dot(response, response)).min(f64::MAX)
+    }
+
+    /// Enters the best candidate, and with it good ones that are peaks along the horizon.
+    fn enter_candidates(&mut self, problem: &Problem<NX, NS>, best: f64) {
+        // Constraints that enter together may push each other out again; the best one alone stays.
+        let limit = if self.iterations < PATIENCE { ENTRIES } else { 0 };
         let mut entered = 0;
         for stage in 0..self.horizon {
             let candidate = self.candidates[stage];
             let above = |k: Option<usize>| {
                 let neighbor = k.and_then(|k| self.candidates.get(k)).unwrap_or(&NO_CANDIDATE);
-                neighbor.index == candidate.index && neighbor.violation > candidate.violation
+                neighbor.index == candidate.index && neighbor.gain > candidate.gain
             };
             let peak = !above(stage.checked_sub(1)) && !above(Some(stage + 1));
-            let wanted =
-                candidate.violation == worst || (entered < ENTRIES && candidate.violation > ENTRY_SHARE * worst);
-            if peak && wanted {
+            let good = peak && entered < limit && candidate.gain > ENTRY_SHARE * best;
+            if good || candidate.gain == best {
                 self.enter(problem, Place { stage, index: candidate.index }, candidate.sign, candidate.excess);
                 entered += 1;
             }
