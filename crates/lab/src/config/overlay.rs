@@ -173,7 +173,9 @@ pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     let mut best: Option<(&str, f64)> = None;
     for candidate in candidates {
         let jaro = strsim::jaro_winkler(name, candidate);
-        let score = jaro + strsim::normalized_damerau_levenshtein(name, candidate);
+        // A name cut short is the likeliest slip with long names.
+        let cut_short = if candidate.starts_with(name) { 1.0 } else { 0.0 };
+        let score = jaro + strsim::normalized_damerau_levenshtein(name, candidate) + cut_short;
         if jaro >= ALIKE && best.is_none_or(|(_, highest)| score > highest) {
             best = Some((candidate, score));
         }
@@ -371,6 +373,8 @@ mod tests {
     #[test]
     fn strangers_are_not_near() {
         assert_eq!(nearest("best-lan", ["keep-lane", "best-lane", "random"]), Some("best-lane"));
+        let gaps = ["traffic.politeness", "traffic.density_veh_per_km_lane", "traffic.density_spread_veh_per_km_lane"];
+        assert_eq!(nearest("traffic.density", gaps), Some(gaps[1]));
         assert_eq!(nearest("qqq", ["keep-lane", "best-lane", "random"]), None);
     }
 }
