@@ -35,8 +35,8 @@ pub struct ControlConfig {
     pub jerk_max_mps3: f64,
     /// Weight of the squared jerk against that of the squared acceleration error, s². Not in the paper.
     pub jerk_weight_s2: f64,
-    /// Stages of the longitudinal problem, N_p of Eq. 25; the paper gives none. Two seconds are too short to stop for a
-    /// standing car.
+    /// Stages of the longitudinal problem, N_p of Eq. 25; the paper gives none (20 of 0.1 s in its preset). Two seconds are
+    /// too short to stop for a standing car seen at 150 m; five are enough, and 0.2 s a stage are fine enough for them.
     pub longitudinal_horizon: u8,
     /// Length of a longitudinal stage, s.
     pub longitudinal_step_s: f64,
@@ -114,9 +114,9 @@ impl Default for ControlConfig {
             accel_max_mps2: 2.0,
             jerk_max_mps3: 6.0,
             jerk_weight_s2: 0.01,
-            longitudinal_horizon: 50,
-            longitudinal_step_s: 0.1,
-            goal_steps: 20,
+            longitudinal_horizon: 25,
+            longitudinal_step_s: 0.2,
+            goal_steps: 10,
             lateral_horizon: 20,
             spacing_min_m: 5.0,
             spacing_headway_s: 0.5,
@@ -155,6 +155,8 @@ impl ControlConfig {
     pub fn paper() -> Self {
         Self {
             longitudinal_horizon: 20,
+            longitudinal_step_s: 0.1,
+            goal_steps: 20,
             safe_spacing: false,
             spacing_recovery_s: 0.0,
             speed_floor: true,

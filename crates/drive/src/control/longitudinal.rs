@@ -60,7 +60,7 @@ const SPEED_RETURN_MPS2: f64 = 1.0;
 /// A car this slow stands, m/s.
 const STANDING_SPEED_MPS: f64 = 0.05;
 /// It stays while there is less than this to gain, m, behind a leader slower than the next figure.
-const STANDING_ROOM_M: f64 = 0.5;
+const STANDING_ROOM_M: f64 = 1.0;
 const STANDING_LEADER_MPS: f64 = 0.5;
 /// The brake of a standing car, m/s².
 const STANDING_BRAKE_MPS2: f64 = -1.0;

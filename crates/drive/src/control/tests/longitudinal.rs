@@ -12,6 +12,8 @@ fn the_decision_is_obeyed_at_small_q1_and_drowned_at_the_printed_ratio() {
         jerk_max_mps3: 100.0,
         accel_max_mps2: 6.0,
         longitudinal_horizon: 20,
+        longitudinal_step_s: 0.1,
+        goal_steps: 20,
         ..ControlConfig::default()
     };
     for (q1, expected) in [(0.25, [5.51, 4.23, 2.96]), (0.025, [2.45, 0.55, -1.35]), (0.0025, [2.05, 0.06, -1.93])] {
