@@ -5,8 +5,9 @@
 //! and the input Δδ.
 //!
 //! Departures from the paper: the model follows the planned speed along the horizon and is discretized by zero-order
-//! hold; steering lag, road curvature (with its steady steering angle and sideslip as references) and a small cost of
-//! Δδ are added. Cost and slack weights are divided by P_21, so that the slack weights mean the same at every q_2.
+//! hold; steering lag, road curvature (with its steady steering angle and sideslip as references) and a small cost of Δδ
+//! are added. Cost and slack weights are divided by P_21, so that the slack weights mean the same at every q_2. At low
+//! speed R_2 falls and the reference is approached no more steeply than the car can go.
 
 use std::sync::Arc;
 
@@ -81,6 +82,11 @@ const POSITION_TO_HEADING: f64 = 10.0;
 const PATH_RATIO_RANGE: (f64, f64) = (1e-8, 1e8);
 /// The model holds from this speed on; below, the car is steered as at this speed, m/s.
 const MODEL_SPEED_MIN_MPS: f64 = 5.0;
+/// Below this speed R_2 falls with the square of the speed, m/s: a slow car must steer far, and with a constant R_2 it misses its
+/// lane. The paper's speeds lie above.
+const STEER_COST_SPEED_MPS: f64 = 15.0;
+/// Steepest way to the reference, m/m: a path in time asks a car that has to slow down in it to go sideways.
+const SLOPE_MAX: f64 = 0.25;
 /// A car slower than this keeps its wheel where it is, m/s: turning it would not move the car sideways.
 const STEERING_SPEED_MPS: f64 = 0.5;
 const MODEL_SPEED_MAX_MPS: f64 = 60.0;
@@ -183,9 +189,9 @@ impl LateralMpc {
     fn set_stages(&mut self, scene: &Scene, reference: LateralReference<'_>, speeds_mps: &[f64], path_ratio: f64) {
         let steer_cost = 1.0 / path_ratio.clamp(PATH_RATIO_RANGE.0, PATH_RATIO_RANGE.1);
         let limits = self.limits(scene.road.adhesion());
-        let change_cost = steer_cost * self.config.steer_change_weight;
         let slope = self.config.heading_reference == HeadingReference::Slope;
         let mut s_m = scene.ego.s_m;
+        let mut reach_m = 0.0;
         for k in 0..self.problem.stages.len() {
             let speed_mps = self.speed_at(k as f64 * self.period_s, speeds_mps, scene.ego.speed_mps);
             let curvature = scene.road.curvature_radpm(s_m);
@@ -193,12 +199,17 @@ impl LateralMpc {
             self.set_model(k, speed_mps, curvature);
             self.set_limits(k, speed_mps, &limits);
             let (d_m, rate_mps) = reference.at((k + 1) as f64 * self.period_s);
+            reach_m += SLOPE_MAX * speed_mps * self.period_s;
+            let d_m = within(d_m, scene.ego.d_m, reach_m);
+            let rate_mps = within(rate_mps, 0.0, SLOPE_MAX * speed_mps);
             let heading = if slope { rate_mps / speed_mps } else { 0.0 }
                 - steady_sideslip_rad(&self.params, speed_mps, curvature);
+            let slow = (speed_mps / STEER_COST_SPEED_MPS).min(1.0);
+            let steer_cost = steer_cost * slow * slow;
             let stage = &mut self.problem.stages[k];
             stage.state_weight = [POSITION_TO_HEADING, 0.0, 1.0, 0.0, steer_cost];
             stage.state_reference = [d_m, 0.0, heading, 0.0, steady_steer_rad(&self.params, speed_mps, curvature)];
-            stage.input_weight = change_cost;
+            stage.input_weight = steer_cost * self.config.steer_change_weight;
         }
     }
 
@@ -315,4 +326,9 @@ impl LateralMpc {
         let yaw_limit = adhesion * GRAVITY_MPS2 / speed_mps;
         (front.abs() / front_limit, rear.abs() / rear_limit, ego.yaw_rate_radps.abs() / yaw_limit)
     }
+}
+
+/// `value`, or the end of `center ± reach` that is nearest to it; NaN stays NaN, for the solver to refuse.
+fn within(value: f64, center: f64, reach: f64) -> f64 {
+    if value.is_nan() { value } else { value.max(center - reach).min(center + reach) }
 }

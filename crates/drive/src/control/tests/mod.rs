@@ -4,6 +4,7 @@ mod guard;
 mod ladder;
 mod lateral;
 mod longitudinal;
+mod stress;
 
 use std::sync::Arc;
 
