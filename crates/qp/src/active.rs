@@ -4,7 +4,7 @@
 use crate::linalg::dot;
 use crate::responses::{Place, Responses};
 
-/// Least square of a pivot, relative to the diagonal. A constraint that depends on those before it would have a pivot of
+/// Smallest squared pivot, relative to the diagonal. A constraint that depends on those before it would have a pivot of
 /// rounding errors; with this one its multiplier runs to the next event, as it must.
 const PIVOT_FLOOR: f64 = 1e-12;
 

@@ -1,4 +1,4 @@
-//! The solver: a dual active-set method on the Riccati factorization (docs/qp.md).
+//! The solver: a dual active-set method on the Riccati factorization (docs/qp.md, the loop).
 
 use crate::active::{Active, ActiveSet, Walk};
 use crate::linalg::dot;
@@ -266,7 +266,8 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
                     continue;
                 }
                 let violation = excess / (self.scale(row) + bound.abs());
-                price.violation = price.violation.max(violation);
+                // Not a number where the terms overflow: no answer then, rather than a wrong one.
+                price.violation = price.violation.max(if violation.is_nan() { f64::INFINITY } else { violation });
                 if violation > threshold {
                     let gain = self.gain(problem, place, excess);
                     if gain > best.gain {
