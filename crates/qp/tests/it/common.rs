@@ -1,9 +1,7 @@
-//! What the test binaries share: random problems, a rollout that knows nothing of the solver, and Clarabel.
+//! What the tests share: random problems, and a rollout and a cost that know nothing of the solver.
 // Indices as in the equations.
 #![allow(clippy::needless_range_loop)]
 
-use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus, ZeroConeT};
 use lanecraft_qp::{Problem, Row};
 
 /// `SplitMix64`, so that the tests need no crate for it.
@@ -119,86 +117,4 @@ pub(crate) fn cost<const NX: usize, const NS: usize>(problem: &Problem<NX, NS>, 
         }
     }
     cost
-}
-
-/// A sparse matrix under construction, and a right-hand side.
-#[derive(Default)]
-struct Triplets {
-    entries: Vec<(usize, usize, f64)>,
-    right: Vec<f64>,
-}
-
-impl Triplets {
-    fn row(&mut self, entries: &[(usize, f64)], right: f64) {
-        let row = self.right.len();
-        self.entries.extend(entries.iter().filter(|e| e.1 != 0.0).map(|&(column, value)| (row, column, value)));
-        self.right.push(right);
-    }
-
-    fn matrix(&self, rows: usize, columns: usize) -> CscMatrix<f64> {
-        let (i, (j, v)) = self.entries.iter().map(|e| (e.0, (e.1, e.2))).unzip::<_, _, Vec<_>, (Vec<_>, Vec<_>)>();
-        CscMatrix::new_from_triplets(rows, columns, i, j, v)
-    }
-}
-
-/// The inputs by Clarabel, over z = (input, next state, slacks) of all stages; none if it did not converge to `tolerance`.
-pub(crate) fn clarabel<const NX: usize, const NS: usize>(
-    problem: &Problem<NX, NS>,
-    tolerance: f64,
-) -> Option<Vec<f64>> {
-    let width = 1 + NX + NS;
-    let size = problem.stages.len() * width;
-    let (mut curvature, mut gradient) = (Triplets::default(), vec![0.0; size]);
-    let (mut equal, mut below) = (Triplets::default(), Triplets::default());
-    for (k, stage) in problem.stages.iter().enumerate() {
-        let (u, x, s) = (k * width, k * width + 1, k * width + 1 + NX);
-        curvature.entries.push((u, u, stage.input_weight));
-        gradient[u] = -stage.input_weight * stage.input_reference;
-        // x_k as terms: a constant at stage 0, columns later.
-        let terms = |coefficients: &[f64; NX]| -> (Vec<(usize, f64)>, f64) {
-            if k == 0 {
-                (vec![], coefficients.iter().zip(&problem.initial_state).map(|(c, x)| c * x).sum())
-            } else {
-                ((0..NX).map(|j| (x - width + j, coefficients[j])).collect(), 0.0)
-            }
-        };
-        for i in 0..NX {
-            curvature.entries.push((x + i, x + i, stage.state_weight[i]));
-            gradient[x + i] = -stage.state_weight[i] * stage.state_reference[i];
-            let (mut row, constant) = terms(&stage.a[i].map(|v| -v));
-            row.extend([(u, -stage.b[i]), (x + i, 1.0)]);
-            equal.row(&row, stage.c[i] - constant);
-        }
-        below.row(&[(u, 1.0)], problem.input_max);
-        below.row(&[(u, -1.0)], -problem.input_min);
-        for (i, row) in stage.rows.iter().enumerate() {
-            curvature.entries.push((s + i, s + i, row.l2_weight));
-            gradient[s + i] = row.l1_weight;
-            below.row(&[(s + i, -1.0)], 0.0);
-            for (sign, bound) in [(1.0, row.upper), (-1.0, row.lower)] {
-                if bound.is_finite() {
-                    let (mut entries, constant) = terms(&row.state.map(|v| sign * v));
-                    entries.extend([(u, sign * row.input), (s + i, -1.0)]);
-                    below.row(&entries, sign * bound - constant);
-                }
-            }
-        }
-    }
-    let cones = [ZeroConeT(equal.right.len()), NonnegativeConeT(below.right.len())];
-    for (row, column, value) in below.entries {
-        equal.entries.push((row + equal.right.len(), column, value));
-    }
-    equal.right.extend(below.right);
-    let settings = DefaultSettings {
-        verbose: false,
-        tol_gap_abs: tolerance,
-        tol_gap_rel: tolerance,
-        tol_feas: tolerance,
-        ..DefaultSettings::default()
-    };
-    let (p, a) = (curvature.matrix(size, size), equal.matrix(equal.right.len(), size));
-    let mut solver = DefaultSolver::new(&p, &gradient, &a, &equal.right, &cones, settings).expect("well-formed data");
-    solver.solve();
-    (solver.solution.status == SolverStatus::Solved)
-        .then(|| solver.solution.x.chunks_exact(width).map(|stage| stage[0]).collect())
 }

@@ -1,6 +1,7 @@
 //! Weights over sixteen decades, and numbers at the ends of f64.
 
-use crate::common::{MILD, Random, Recipe, clarabel, cost, random_problem};
+use crate::common::{MILD, Random, Recipe, cost, random_problem};
+use crate::oracle::clarabel;
 use lanecraft_qp::{Problem, Solver, Start, Status};
 
 const WILD: Recipe = Recipe { weights: (-8.0, 8.0), initial: 3.0, modes: (0.6, 1.02) };

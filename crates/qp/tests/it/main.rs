@@ -4,6 +4,7 @@ mod closed_forms;
 mod common;
 mod extremes;
 mod optimality;
+mod oracle;
 mod recovery;
 mod second_source;
 mod warm_start;

@@ -1,6 +1,7 @@
 //! The solver against Clarabel, an interior-point method that shares nothing with it.
 
-use crate::common::{FAR, MILD, Random, Recipe, clarabel, cost, random_problem};
+use crate::common::{FAR, MILD, Random, Recipe, cost, random_problem};
+use crate::oracle::clarabel;
 use lanecraft_qp::{Solver, Start, Status};
 
 /// Of the input range. Clarabel at 1e-10 itself leaves about 1e-6.
