@@ -44,6 +44,8 @@ pub enum EvaluateError {
 /// One episode of one policy.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct EpisodeResult {
+    /// Who drove.
+    pub policy: String,
     /// Seed of the scenario.
     pub scenario_seed: u64,
     /// Length, s.
@@ -75,9 +77,10 @@ pub struct EpisodeResult {
 }
 
 impl EpisodeResult {
-    fn new(scenario_seed: u64, episode: &Episode, control_period_s: f64) -> Self {
+    fn new(policy: String, scenario_seed: u64, episode: &Episode, control_period_s: f64) -> Self {
         let counts = &episode.counts;
         Self {
+            policy,
             scenario_seed,
             duration_s: episode.control_steps as f64 * control_period_s,
             speed_mps: episode.mean_speed_mps(),
@@ -163,7 +166,7 @@ pub fn evaluate(
         let seed = role.scenario_seed(evaluation.seed, index as u64);
         let env = drive_episode(policy, &config, seed)?;
         progress.advance(1);
-        Ok(EpisodeResult::new(seed, env.episode(), config.env.control_period_s))
+        Ok(EpisodeResult::new(policy.name(), seed, env.episode(), config.env.control_period_s))
     };
     let episodes: Result<Vec<_>, EvaluateError> = (0..evaluation.episodes).into_par_iter().map(episode).collect();
     Ok(PolicyEpisodes { policy: policy.name(), episodes: episodes? })

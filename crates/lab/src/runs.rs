@@ -72,8 +72,9 @@ struct LogLengths {
     jsonl: u64,
 }
 
-/// Trains in `run` until all decisions are taken, from its checkpoint if it has one.
-pub fn train(run: &RunDir, config: &RunConfig, progress: &Progress) -> Result<(), RunError> {
+/// Trains in `run` until all decisions are taken, from its checkpoint if it has one. Returns the time spent in updates, s, which ran
+/// beside the driving.
+pub fn train(run: &RunDir, config: &RunConfig, progress: &Progress) -> Result<f64, RunError> {
     let (mut trainer, lengths) = match read_checkpoint(run, config)? {
         Some(resumed) => resumed,
         None => (Trainer::new(config).map_err(fail(run.path()))?, LogLengths::default()),
@@ -101,7 +102,8 @@ pub fn train(run: &RunDir, config: &RunConfig, progress: &Progress) -> Result<()
     let (shape, network) = trainer.policy().to_bytes().map_err(|error| fail(run.path())(error.into()))?;
     run.write(POLICY, &network)?;
     run.write(POLICY_SHAPE, &to_json(&shape))?;
-    Ok(run.finish(&[CONFIG, CHECKPOINT, POLICY, POLICY_SHAPE, CURVE_CSV, CURVE_JSONL])?)
+    run.finish(&[CONFIG, CHECKPOINT, POLICY, POLICY_SHAPE, CURVE_CSV, CURVE_JSONL])?;
+    Ok(trainer.learning_time().as_secs_f64())
 }
 
 fn fail(path: &Path) -> impl FnOnce(TrainError) -> RunError {

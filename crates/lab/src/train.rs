@@ -6,6 +6,7 @@
 //! depends on the seed alone.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use lanecraft_drive::env::{Config, Env, EnvError, StepError, StepOutcome};
 use lanecraft_learn::{
@@ -65,6 +66,8 @@ pub struct Trainer {
     decisions: u64,
     updates_owed: u64,
     window: Window,
+    /// For those who ask where time goes; nothing depends on it.
+    learning_time: Duration,
 }
 
 /// An environment with what its running episode carries.
@@ -134,6 +137,7 @@ impl Trainer {
             decisions: 0,
             updates_owed: 0,
             window: Window::default(),
+            learning_time: Duration::ZERO,
         })
     }
 
@@ -191,6 +195,11 @@ impl Trainer {
         self.learner.updates()
     }
 
+    /// Time spent in updates since this process began with the run.
+    pub fn learning_time(&self) -> Duration {
+        self.learning_time
+    }
+
     /// Whether all decisions have been taken.
     pub fn is_finished(&self) -> bool {
         self.decisions >= self.training.decisions
@@ -214,8 +223,14 @@ impl Trainer {
                 };
                 seats.par_iter_mut().zip(&streams).map(tick).collect::<Result<Vec<_>, _>>()
             },
-            || (0..owed).map(|_| learner.update(replay, rate).map(|stats| stats.loss)).collect::<Result<Vec<_>, _>>(),
+            || {
+                let begun = Instant::now();
+                let losses: Result<Vec<_>, _> = (0..owed).map(|_| Ok(learner.update(replay, rate)?.loss)).collect();
+                (losses, begun.elapsed())
+            },
         );
+        let (losses, learning_time): (Result<Vec<f64>, UpdateError>, Duration) = losses;
+        self.learning_time += learning_time;
         self.store(ticks?)?;
         self.window.count_losses(&losses?);
         let earned = before + 1..=self.decisions;

@@ -1,0 +1,190 @@
+//! How fast the parts are on this machine.
+//!
+//! A timed part is repeated until a second has passed; rates are of one core unless the name says otherwise.
+
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use lanecraft_drive::driver::Part;
+use lanecraft_drive::env::EnvError;
+use lanecraft_drive::scenario::ScenarioDistribution;
+use lanecraft_drive::traffic::World;
+use lanecraft_learn::{ActError, Actor, Learner, Transition, UpdateError};
+use lanecraft_net::random::Stream;
+use serde::Serialize;
+
+use crate::baselines::{BestLane, Rule};
+use crate::config::{RunConfig, SeedRole};
+use crate::evaluate::{EvaluateError, evaluation_environment};
+use crate::policy::Policy;
+use crate::profile::profile;
+
+/// A measurement.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BenchRow {
+    /// What, for example `traffic/idm-mobil/50`.
+    pub bench: String,
+    /// The figure.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+}
+
+/// Why a measurement stopped.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+#[non_exhaustive]
+pub enum BenchError {
+    /// A scenario could not be built.
+    Env(#[from] EnvError),
+    /// A policy failed.
+    Evaluate(#[from] EvaluateError),
+    /// The learner's settings.
+    Learner(#[from] lanecraft_learn::ConfigError),
+    /// An update failed.
+    Update(#[from] UpdateError),
+    /// Acting failed.
+    Act(#[from] ActError),
+    /// The replay buffer refused a transition.
+    Replay(#[from] lanecraft_learn::ReplayError),
+}
+
+/// A group of measurements.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Group {
+    /// The human drivers alone.
+    Traffic,
+    /// The closed loop and the shares of its parts.
+    Env,
+    /// The learner.
+    Learner,
+}
+
+impl Group {
+    /// All groups.
+    pub const ALL: [Self; 3] = [Self::Traffic, Self::Env, Self::Learner];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Traffic => "traffic",
+            Self::Env => "env",
+            Self::Learner => "learner",
+        }
+    }
+
+    /// Measures it and hands each row to `found` as it comes.
+    pub fn run(self, config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
+        match self {
+            Self::Traffic => traffic(config, found),
+            Self::Env => env(config, found),
+            Self::Learner => learner(config, found),
+        }
+    }
+}
+
+/// How long a part is repeated.
+const MEASURED: Duration = Duration::from_secs(1);
+
+/// Calls `run` until a second has passed; returns how many of the units that it reports were done in a second.
+fn rate(mut run: impl FnMut() -> u64) -> f64 {
+    let begun = Instant::now();
+    let mut done = 0;
+    while begun.elapsed() < MEASURED {
+        done += run();
+    }
+    done as f64 / begun.elapsed().as_secs_f64()
+}
+
+/// Straight ring, lane changes and collision check on, one control period a step.
+fn traffic(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
+    for vehicles in [50.0, 200.0, 1000.0] {
+        let (mut road, traffic) = (config.environment.road.clone(), config.environment.traffic.clone());
+        road.length_m = 1000.0 * vehicles / (traffic.density_veh_per_km_lane * f64::from(road.lanes));
+        let scenario = ScenarioDistribution { road, traffic }.sample(SeedRole::Tuning.scenario_seed(0, 0));
+        let mut world = scenario.and_then(|scenario| World::new(&scenario)).map_err(EnvError::from)?;
+        let ego = parked(&world);
+        world.set_ego(ego);
+        let dt_s = config.environment.env.control_period_s;
+        let updates = world.len() as u64;
+        let value = rate(|| {
+            let _ = black_box(world.step(ego, dt_s));
+            updates
+        });
+        found(BenchRow { bench: format!("traffic/idm-mobil/{vehicles}"), value, unit: "vehicle-updates/s" });
+    }
+    Ok(())
+}
+
+/// An ego car beside the road, so that the others drive as if there were none.
+fn parked(world: &World) -> lanecraft_drive::traffic::ExternalBody {
+    lanecraft_drive::traffic::ExternalBody {
+        s_m: 0.0,
+        d_m: -20.0,
+        heading_rad: 0.0,
+        speed_mps: 0.0,
+        accel_mps2: 0.0,
+        length_m: 4.8,
+        width_m: 1.9,
+        target_lane: world.road().nearest_lane(-20.0),
+    }
+}
+
+/// The whole loop behind the rule `best-lane`, both controllers on.
+fn env(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
+    let environment = evaluation_environment(&config.environment, &config.evaluation);
+    let policy = Policy::Rule(Rule::BestLane(BestLane::default()));
+    let seeds = (0..10).map(|index| SeedRole::Tuning.scenario_seed(config.evaluation.seed, index));
+    let profile = profile(&policy, &environment, seeds)?;
+    let total_s = profile.total().as_secs_f64();
+    let vehicles = profile.vehicles;
+    let value = f64::from(profile.ticks) / total_s;
+    found(BenchRow { bench: format!("env/ticks/{vehicles}-vehicles"), value, unit: "ticks/s" });
+    for (part, time) in profile.rows() {
+        let value = time.as_secs_f64() / total_s;
+        found(BenchRow { bench: format!("env/share/{}", part.replace(' ', "-")), value, unit: "share of time" });
+    }
+    for part in [Part::LongitudinalMpc, Part::LateralMpc] {
+        let value = 1e6 * profile.parts[part as usize].as_secs_f64() / (profile.control_steps.max(1) as f64);
+        found(BenchRow { bench: format!("env/solve/{}", part.name().replace(' ', "-")), value, unit: "us" });
+    }
+    Ok(())
+}
+
+/// Updates and decisions on random transitions.
+fn learner(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
+    let environment = Arc::new(config.environment.clone());
+    let inputs = environment.observation.size();
+    let actions = lanecraft_drive::decide::ActionSet::new(&environment.actions).map_err(EnvError::from)?.len();
+    let mut learner = Learner::new(&config.learner, inputs, actions, 0)?;
+    let mut replay = learner.empty_replay();
+    let mut stream = Stream::new(0, "bench.learner");
+    let mut observation = || (0..inputs).map(|_| stream.normal() as f32).collect::<Vec<_>>();
+    for number in 0..config.learner.learning_starts {
+        let transition = Transition {
+            observation: observation(),
+            action: number % actions,
+            reward: 0.5,
+            discount: 0.95,
+            next_observation: observation(),
+            next_action_mask: (1 << actions) - 1,
+            bootstrap_mask: learner.bootstrap_mask(number as u64),
+        };
+        replay.push(&transition)?;
+    }
+    let begun = Instant::now();
+    let mut updates = 0_u32;
+    while begun.elapsed() < MEASURED {
+        learner.update(&replay, 1e-4)?;
+        updates += 1;
+    }
+    let name = format!("k{}-batch{}", config.learner.head_count(), config.learner.batch);
+    let value = f64::from(updates) / begun.elapsed().as_secs_f64();
+    found(BenchRow { bench: format!("learner/update/{name}"), value, unit: "updates/s" });
+    let (mut actor, seen) = (Actor::new(learner.policy()), observation());
+    actor.greedy(&seen, 1)?;
+    let value = 1e6 / rate(|| u64::from(black_box(actor.greedy(&seen, u32::MAX)).is_ok()));
+    found(BenchRow { bench: format!("learner/vote/{name}"), value, unit: "us" });
+    Ok(())
+}
