@@ -98,9 +98,10 @@ pub(crate) struct ThreadsArg {
 }
 
 impl ThreadsArg {
-    pub(crate) fn count(self) -> usize {
-        let all = || std::thread::available_parallelism().map_or(1, usize::from);
-        self.threads.map_or_else(all, usize::from)
+    /// Runs `job` on so many threads.
+    pub(crate) fn run<T: Send>(self, job: impl FnOnce() -> T + Send) -> anyhow::Result<T> {
+        let threads = self.threads.map_or(0, usize::from);
+        Ok(rayon::ThreadPoolBuilder::new().num_threads(threads).build()?.install(job))
     }
 }
 

@@ -5,6 +5,7 @@
 mod args;
 mod commands;
 mod output;
+mod table;
 
 use std::io;
 use std::process::ExitCode;

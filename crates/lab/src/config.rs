@@ -9,6 +9,7 @@ pub mod overlay;
 use std::path::Path;
 
 use lanecraft_drive::config::{ConfigError, check_range};
+pub use lanecraft_drive::env::Config as EnvironmentConfig;
 use lanecraft_learn::LearnerConfig;
 use lanecraft_learn::irl::IrlConfig;
 use serde::{Deserialize, Serialize};
@@ -154,7 +155,7 @@ impl EvaluationConfig {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RunConfig {
     /// The sections of the environment: `[env]`, `[road]`, `[traffic]`, …
-    pub environment: lanecraft_drive::env::Config,
+    pub environment: EnvironmentConfig,
     /// Section `[irl]`.
     pub irl: IrlConfig,
     /// Section `[learner]`.

@@ -145,6 +145,23 @@ impl PolicyEpisodes {
     }
 }
 
+/// Says of each other policy whether the first one beats it in reward, scenario by scenario.
+pub fn compare(episodes: &[PolicyEpisodes]) -> Result<Vec<String>, StatsError> {
+    let Some((first, others)) = episodes.split_first() else { return Ok(Vec::new()) };
+    let say = |other: &PolicyEpisodes| {
+        let gain = first.reward_difference(other)?;
+        let verdict = match gain {
+            _ if gain.low > 0.0 => "beats",
+            _ if gain.high < 0.0 => "does not beat: it falls behind",
+            _ => "does not beat, as far as these scenarios can tell,",
+        };
+        let (a, b) = (&first.policy, &other.policy);
+        let (mean, low, high) = (gain.mean, gain.low, gain.high);
+        Ok(format!("{a} {verdict} {b}: {mean:+.2} reward per tick, interval {low:+.2} to {high:+.2}."))
+    };
+    others.iter().map(say).collect()
+}
+
 /// The environment of an evaluation: that of training but for the length of an episode.
 pub fn evaluation_environment(config: &Config, evaluation: &EvaluationConfig) -> Arc<Config> {
     let mut config = config.clone();

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use lanecraft_learn::irl::{IrlConfig, IrlError};
 
-use crate::data::events::read_events;
 use crate::data::TableError;
+use crate::data::events::read_events;
 use crate::demonstrations::{RecordedConfig, SyntheticConfig, recorded, synthetic};
 use crate::irl::{IrlReport, fit, fit_and_test};
 use crate::report::{IrlFeature, IrlSummary};
@@ -15,6 +15,9 @@ const SYNTHETIC_TRAIN: u32 = 500;
 const SYNTHETIC_TEST: u32 = 100;
 /// Seeds of the two sets.
 const SYNTHETIC_SEEDS: [u64; 2] = [1, 2];
+
+/// The learned reward and what it is worth, in a run.
+pub const HUMAN_REWARD: &str = "human-reward.json";
 
 /// Where demonstrations come from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,7 +46,8 @@ pub fn learn_human_reward(source: &Source, config: &IrlConfig) -> Result<IrlRepo
         Source::Synthetic => {
             let drivers = SyntheticConfig::default();
             let [train, test] = SYNTHETIC_SEEDS;
-            let (train, test) = (synthetic(&drivers, train, SYNTHETIC_TRAIN), synthetic(&drivers, test, SYNTHETIC_TEST));
+            let (train, test) =
+                (synthetic(&drivers, train, SYNTHETIC_TRAIN), synthetic(&drivers, test, SYNTHETIC_TEST));
             Ok(fit_and_test(&train, &test, config)?)
         }
         Source::Recorded(folder) => Ok(fit(&recorded(&read_events(folder)?, &RecordedConfig::default()), config)?),

@@ -1,5 +1,7 @@
 //! Who sits in the seat that decides: a rule or a learned network.
 
+use std::path::Path;
+
 use lanecraft_drive::env::Env;
 use lanecraft_learn::{ActError, Actor};
 
@@ -27,6 +29,11 @@ impl Policy {
             Self::Learned { name, .. } => name.clone(),
         }
     }
+}
+
+/// The name of a run: its folder's.
+pub fn run_name(run: &Path) -> String {
+    run.file_name().map_or_else(|| run.display().to_string(), |name| name.to_string_lossy().into_owned())
 }
 
 /// A policy at the wheel of one environment at a time, with the memory it needs.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigFileError, RunConfig};
 use crate::metrics::CurvePoint;
-use crate::policy::Policy;
+use crate::policy::{Policy, run_name};
 use crate::progress::Progress;
 use crate::run_dir::{CONFIG, RunDir, RunDirError, RunLog, sha256_hex};
 use crate::train::{TrainError, Trainer, TrainingState};
@@ -206,8 +206,7 @@ pub fn read_policy(run: &Path) -> Result<Policy, RunError> {
     let shape = serde_json::from_slice(&shape).map_err(|error| broken(&shape_path, error.to_string()))?;
     let bytes = read_optional(&path)?.ok_or_else(unfinished)?;
     let network = lanecraft_learn::Policy::from_bytes(&shape, &bytes).map_err(|e| fail(&path)(e.into()))?;
-    let name = run.file_name().map_or_else(|| run.display().to_string(), |name| name.to_string_lossy().into_owned());
-    Ok(Policy::Learned { name, network })
+    Ok(Policy::Learned { name: run_name(run), network })
 }
 
 /// The learning curve of a run.

@@ -2,11 +2,14 @@
 
 use std::path::PathBuf;
 
-use anyhow::bail;
 use clap::{Args, Subcommand};
+use lanecraft_lab::human_reward::{Source, learn_human_reward};
+use lanecraft_lab::irl::{IrlReport, Judgment};
+use lanecraft_lab::run_dir::atomic;
+use serde_json::json;
 
 use crate::args::{ConfigArgs, folder};
-use crate::output::Output;
+use crate::output::{Output, answer};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -42,18 +45,45 @@ pub(crate) struct Fit {
 
 impl Fit {
     pub(crate) fn run(self, output: Output) -> anyhow::Result<()> {
-        self.config.resolve(Vec::new())?;
-        let source = match &self.data {
-            Some(data) => data.display().to_string(),
-            None if self.synthetic => "made-up drivers".to_owned(),
-            None => "the built-in lane changes".to_owned(),
-        };
-        if !self.json {
-            output.note(&format!("fitting to {source}"));
-        }
+        let config = self.config.resolve(Vec::new())?;
+        let source = self.data.clone().map_or(Source::Synthetic, Source::Recorded);
+        let report = learn_human_reward(&source, &config.irl)?;
         if let Some(out) = &self.out {
-            output.note(&format!("weights go to {}", out.display()));
+            let mut text = serde_json::to_vec_pretty(&report.model)?;
+            text.push(b'\n');
+            atomic::write(out, &text)?;
+            output.note(&format!("weights written to {}", out.display()));
         }
-        bail!("the fit is not built yet")
+        if self.json { print_json(&report.unseen) } else { print_table(&report) }
     }
+}
+
+fn print_json(judgment: &Judgment) -> anyhow::Result<()> {
+    for feature in &judgment.features {
+        answer(&serde_json::to_string(feature)?)?;
+    }
+    let Judgment { events, log_likelihood, uniform, duration_density, duration_error_s, .. } = judgment;
+    let summary = json!({
+        "events": events,
+        "log_likelihood": log_likelihood,
+        "uniform": uniform,
+        "duration_density": duration_density,
+        "duration_error_s": duration_error_s,
+    });
+    Ok(answer(&summary.to_string())?)
+}
+
+fn print_table(report: &IrlReport) -> anyhow::Result<()> {
+    let judgment = &report.unseen;
+    answer(&format!("Reward of {}, judged on {} lane changes it has not seen.", report.model.source, judgment.events))?;
+    answer(&format!("{:<10} {:>8} {:>20} {:>20}", "feature", "weight", "ratio of means error", "mean absolute error"))?;
+    for (feature, weight) in judgment.features.iter().zip(report.model.weights) {
+        let [ratio, absolute] = [feature.ratio_of_means_error, feature.mean_absolute_error].map(|error| 100.0 * error);
+        answer(&format!("{:<10} {weight:>8.2} {ratio:>18.1} % {absolute:>18.1} %", feature.feature))?;
+    }
+    let Judgment { log_likelihood, uniform, duration_density, duration_error_s, .. } = judgment;
+    answer(&format!(
+        "log-likelihood of a lane change {log_likelihood:.2} (uniform {uniform:.2}, density of durations {duration_density:.2})"
+    ))?;
+    Ok(answer(&format!("mean error of the duration {duration_error_s:.2} s"))?)
 }

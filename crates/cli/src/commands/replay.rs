@@ -4,14 +4,16 @@ use std::path::PathBuf;
 
 use anyhow::bail;
 use clap::Args;
+use lanecraft_lab::replay::{ReplayVerdict, check};
+use lanecraft_lab::trace_file::read_trace;
 
 use crate::args::file;
-use crate::output::Output;
+use crate::output::{Output, answer};
 
 const EXAMPLES: &str = "\
 Examples:
-  lanecraft replay runs/quickstart/trace.json
-  lanecraft replay runs/quickstart/trace.json --check
+  lanecraft replay runs/quickstart/episode.jsonl.gz
+  lanecraft replay runs/quickstart/episode.jsonl.gz --check
 
 --check runs the episode again and names the first step that differs.";
 
@@ -28,11 +30,25 @@ pub(crate) struct Replay {
 }
 
 impl Replay {
-    pub(crate) fn run(self, output: Output) -> anyhow::Result<()> {
-        output.note(&self.trace.display().to_string());
+    pub(crate) fn run(self, _output: Output) -> anyhow::Result<()> {
+        let trace = read_trace(&self.trace)?;
         if self.check {
-            bail!("the check of a recorded episode is not built yet")
+            return match check(&trace)? {
+                ReplayVerdict::Same { steps } => Ok(answer(&format!("all {steps} steps are the same"))?),
+                ReplayVerdict::Differs { step, field, recorded, now } => {
+                    bail!("step {step} differs in `{field}`: {recorded} in the trace, {now} now")
+                }
+            };
         }
-        bail!("the replay is not built yet")
+        answer(&format!("{} in scenario {}", trace.header.policy, trace.header.scenario_seed))?;
+        for tick in &trace.ticks {
+            let Some(frame) = tick.frames.last() else { continue };
+            let ego = &frame.ego;
+            answer(&format!(
+                "{:6.2} s  {:6.2} m/s  {:+6.2} m/s²  d {:6.2} m  score {:6.2}  {}",
+                frame.time_s, ego.speed_mps, ego.accel_mps2, ego.d_m, tick.score, tick.action_name
+            ))?;
+        }
+        Ok(())
     }
 }

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 use lanecraft_lab::config::RunConfig;
-use lanecraft_lab::run_dir::{Existing, MANIFEST, RunDir};
+use lanecraft_lab::run_dir::{Existing, MANIFEST, Manifest, RunDir};
+use lanecraft_lab::runs;
 
 use crate::args::{ConfigArgs, ThreadsArg, flag};
 use crate::output::{Output, answer};
@@ -73,23 +74,30 @@ impl Train {
             flag("training.decisions", self.decisions),
         ];
         let config = self.config.resolve(flags.into_iter().flatten().collect())?;
+        let Some(run) = self.open(&config)? else {
+            return Ok(answer(&format!("{} is finished", self.out.display()))?);
+        };
+        self.threads.run(|| output.with_progress(|progress| runs::train(&run, &config, progress)))??;
+        Ok(answer(&format!("trained policy in {}", run.path().display()))?)
+    }
+
+    /// The run to go on with, a new one, or none if it is finished.
+    fn open(&self, config: &RunConfig) -> anyhow::Result<Option<RunDir>> {
         if self.resume && self.out.join(MANIFEST).exists() {
             let (run, manifest) = RunDir::open(&self.out)?;
             if manifest.finished {
-                return Ok(answer(&format!("{} is finished", run.path().display()))?);
+                return Ok(None);
             }
-        } else {
-            RunDir::check(&self.out, if self.force { Existing::Replace } else { Existing::Refuse })?;
+            if runs::read_config(run.path())? != *config {
+                bail!(
+                    "{} was begun with another configuration; give the same options, or `--force` to replace it",
+                    run.path().display()
+                );
+            }
+            return Ok(Some(run));
         }
-        let bar = output.progress(config.training.decisions, "decisions");
-        let result = self.train(&config, &|decisions| bar.set_position(decisions));
-        bar.finish_and_clear();
-        result
-    }
-
-    fn train(&self, config: &RunConfig, report: &dyn Fn(u64)) -> anyhow::Result<()> {
-        report(0);
-        let (decisions, threads) = (config.training.decisions, self.threads.count());
-        bail!("training ({decisions} decisions on {threads} threads) is not built yet")
+        let existing = if self.force { Existing::Replace } else { Existing::Refuse };
+        let manifest = Manifest::new("train", self.config.preset.preset().name(), config);
+        Ok(Some(RunDir::create(&self.out, existing, &manifest, config)?))
     }
 }
