@@ -103,3 +103,30 @@ fn any_input_gets_an_answer_within_the_limits() {
         assert!((-8.0..=2.0).contains(&input.accel_mps2) && input.steer_rad.abs() <= params.max_steer_rad);
     }
 }
+
+#[test]
+fn the_feedback_laws_alone_keep_lane_and_distance() {
+    // Weights that are not numbers: no problem can ever be solved, the scene is good.
+    let (config, params) = (ControlConfig::default(), VehicleParams::default());
+    let mut speed = LongitudinalMpc::new(&config, &params, PERIOD_S);
+    let mut steer = LateralMpc::new(&config, &params, PERIOD_S);
+    let guard = Guard::new(&config, &params, PERIOD_S);
+    let mut scene = scene(28.0, 0.85);
+    scene.ego.d_m = 0.8;
+    scene.neighbors = vec![leader(60.0, 22.0)];
+    for k in 0..600 {
+        let forecast = constant_speed(&scene);
+        let plan = speed.plan(&scene, &forecast, &keep(2.0), f64::NAN);
+        let turn = steer.plan(&scene, LateralReference::LaneCenter { d_m: 0.0 }, &plan.speeds_mps, f64::NAN);
+        assert_eq!((plan.rung, turn.rung), (Rung::FeedbackLaw, Rung::FeedbackLaw));
+        let wanted = ControlInput { accel_mps2: plan.accel_mps2, steer_rad: turn.steer_rad };
+        let (input, _) = guard.check(&scene, [Some(LaneIndex(0)), None], wanted);
+        let before_m = scene.ego.s_m;
+        drive(&params, &mut scene, &input);
+        let travelled_m = scene.ego.s_m - before_m;
+        move_leader(&mut scene, if (300..360).contains(&k) { -5.0 } else { 0.0 }, travelled_m);
+        assert!(scene.neighbors[0].gap_m(4.8) > 4.0, "step {k}");
+    }
+    assert!(scene.ego.d_m.abs() < 0.01, "{} m", scene.ego.d_m);
+    assert!((scene.ego.speed_mps - 7.0).abs() < 0.1, "{} m/s", scene.ego.speed_mps);
+}
