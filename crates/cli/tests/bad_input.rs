@@ -135,12 +135,3 @@ fn help_shows_examples_for_every_command() {
         assert!(text.contains("Examples:") && text.contains(example.trim_end()), "{command}: {text}");
     }
 }
-
-#[test]
-fn resuming_a_finished_run_does_nothing() {
-    let folder = workplace();
-    let output = lanecraft(folder.path(), "train --out finished --resume");
-    assert_eq!(output.status.code(), Some(0));
-    assert_eq!(String::from_utf8_lossy(&output.stdout), "finished is finished\n");
-    assert_eq!(names(&folder.path().join("finished")), ["manifest.json"]);
-}

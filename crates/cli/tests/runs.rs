@@ -1,0 +1,100 @@
+//! Runs by the built binary: they end, go on after being killed, and give the same bytes whatever happened on the way.
+
+#![allow(clippy::unwrap_used, reason = "a test")]
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
+
+/// A training of seconds, with a checkpoint every few milliseconds.
+const SHORT: &str = "--decisions 1500 --set training.log_every_decisions=200 --set training.checkpoint_every_decisions=100 \
+                     --set learner.learning_starts=100 --set learner.batch=16 --set learner.core=[16] --set learner.head=[16]";
+
+fn lanecraft(folder: &Path, line: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_lanecraft"));
+    command.args(line.split_whitespace()).current_dir(folder);
+    command
+}
+
+fn run(folder: &Path, line: &str) -> Output {
+    lanecraft(folder, line).output().unwrap()
+}
+
+/// Runs it and expects it to succeed.
+fn done(folder: &Path, line: &str) -> String {
+    let output = run(folder, line);
+    assert_eq!(output.status.code(), Some(0), "`{line}`: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+fn content(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let entries = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap());
+    entries.map(|entry| (entry.file_name().into_string().unwrap(), fs::read(entry.path()).unwrap())).collect()
+}
+
+fn assert_same(a: &Path, b: &Path) {
+    let (a, b) = (content(a), content(b));
+    assert!(a.keys().eq(b.keys()), "{:?} and {:?}", a.keys(), b.keys());
+    for (name, bytes) in &a {
+        assert!(*bytes == b[name], "{name} differs");
+    }
+}
+
+#[test]
+fn a_finished_run_stays_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    assert_eq!(done(path, &format!("train --out run {SHORT}")), "run is finished\n");
+    let before = content(&path.join("run"));
+    assert!(String::from_utf8_lossy(&before["manifest.json"]).contains("\"finished\": true"));
+    assert_eq!(done(path, "train --out run --resume"), "run is finished\n");
+    for line in ["train --out run", "train --out run --resume --seed 5", "train --out run --set training.sed=1 --force"]
+    {
+        assert_eq!(run(path, line).status.code(), Some(2), "{line}");
+    }
+    assert!(content(&path.join("run")) == before);
+}
+
+#[test]
+fn threads_do_not_change_a_run() {
+    let folder = tempfile::tempdir().unwrap();
+    for threads in [1, 3] {
+        done(folder.path(), &format!("train --out threads-{threads} --threads {threads} {SHORT}"));
+    }
+    assert_same(&folder.path().join("threads-1"), &folder.path().join("threads-3"));
+}
+
+/// Kills come at times that vary from machine to machine; every one of them has to be survived.
+#[test]
+fn a_killed_run_goes_on_to_the_same_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    done(path, &format!("train --out whole {SHORT}"));
+    let mut killed = 0;
+    for milliseconds in [5, 40, 90, 150, 220, 300] {
+        let line = format!("train --out killed --resume {SHORT}");
+        let mut child = lanecraft(path, &line).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        std::thread::sleep(Duration::from_millis(milliseconds));
+        killed += usize::from(child.try_wait().unwrap().is_none());
+        child.kill().unwrap();
+        child.wait().unwrap();
+    }
+    assert!(killed > 0, "no run lasted long enough to be killed");
+    done(path, &format!("train --out killed --resume {SHORT}"));
+    assert_same(&path.join("whole"), &path.join("killed"));
+}
+
+#[test]
+fn policies_are_compared_in_the_same_scenarios() {
+    let folder = tempfile::tempdir().unwrap();
+    let line = "evaluate rule:best-lane rule:random --episodes 3 --set evaluation.episode_s=5 --json --quiet";
+    let lines = done(folder.path(), line);
+    let names: Vec<String> = lines
+        .lines()
+        .map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap()["policy"].as_str().unwrap().to_owned())
+        .collect();
+    assert_eq!(names, ["rule:best-lane", "rule:random"]);
+    assert_eq!(done(folder.path(), &format!("{line} --threads 1")), lines);
+}
