@@ -87,6 +87,11 @@ impl ConfigArgs {
         let assignments: Vec<String> = flags.into_iter().chain(self.assignments.iter().cloned()).collect();
         RunConfig::resolve(self.preset.preset(), self.config.as_deref(), &assignments)
     }
+
+    /// What `--set` makes of the complete configuration in `file`, that of a run.
+    pub(crate) fn resolve_over(&self, file: &Path) -> Result<RunConfig, ConfigFileError> {
+        RunConfig::resolve(Preset::Default, Some(file), &self.assignments)
+    }
 }
 
 /// How many threads compute.

@@ -247,8 +247,6 @@ impl RunConfig {
 mod tests {
     use std::path::Path;
 
-    use toml::Table;
-
     use super::overlay::dotted_keys;
     use super::{MAX_SEED, Preset, RunConfig, SeedRole};
 

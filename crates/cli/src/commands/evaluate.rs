@@ -8,6 +8,7 @@ use lanecraft_lab::baselines::{Rule, UnknownRule};
 use lanecraft_lab::config::{EnvironmentConfig as Config, RunConfig, SeedRole, nearest};
 use lanecraft_lab::evaluate::evaluate;
 use lanecraft_lab::policy::Policy as Driver;
+use lanecraft_lab::run_dir::{CONFIG, RunDir};
 use lanecraft_lab::runs;
 
 use crate::args::{ConfigArgs, ThreadsArg, flag, folder};
@@ -84,13 +85,15 @@ impl Evaluate {
         print_results(&episodes)
     }
 
-    /// Each policy with its environment: a run's own, and for a rule that of the first run, or of the command line without any.
+    /// Each policy with its environment: a run's own with what the command line sets over it, and for a rule that of the first run,
+    /// or of the command line without any.
     fn drivers(&self, config: &RunConfig) -> anyhow::Result<Vec<(Driver, Config)>> {
         let mut first: Option<(&PathBuf, Config)> = None;
         let mut drivers = Vec::new();
         for policy in &self.policies {
             let Policy::Run(path) = policy else { continue };
-            let environment = runs::read_config(path)?.environment;
+            RunDir::open(path)?;
+            let environment = self.config.resolve_over(&path.join(CONFIG))?.environment;
             let (other, expected) = first.get_or_insert_with(|| (path, environment.clone()));
             if (&environment.road, &environment.traffic) != (&expected.road, &expected.traffic) {
                 bail!(

@@ -2,11 +2,11 @@
 
 use std::path::PathBuf;
 
-use anyhow::bail;
 use clap::Args;
 use lanecraft_lab::replay::{ReplayVerdict, check};
 use lanecraft_lab::trace_file::read_trace;
 
+use crate::Mismatch;
 use crate::args::file;
 use crate::output::{Output, answer};
 
@@ -15,7 +15,7 @@ Examples:
   lanecraft replay runs/quickstart/episode.jsonl.gz
   lanecraft replay runs/quickstart/episode.jsonl.gz --check
 
---check runs the episode again and names the first step that differs.";
+--check runs the episode again and names the first step that differs; the exit code is then 1.";
 
 /// Print a recorded episode, or run it again and compare
 #[derive(Debug, Args)]
@@ -36,7 +36,8 @@ impl Replay {
             return match check(&trace)? {
                 ReplayVerdict::Same { steps } => Ok(answer(&format!("all {steps} steps are the same"))?),
                 ReplayVerdict::Differs { step, field, recorded, now } => {
-                    bail!("step {step} differs in `{field}`: {recorded} in the trace, {now} now")
+                    Err(Mismatch(format!("step {step} differs in `{field}`: {recorded} in the trace, {now} now"))
+                        .into())
                 }
             };
         }

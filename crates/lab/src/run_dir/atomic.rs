@@ -21,12 +21,26 @@ enum Step {
     SyncFolder,
 }
 
-/// Writes or replaces the file atomically.
+/// Writes or replaces the file atomically. A link stays; the file it leads to is replaced.
 ///
 /// # Errors
-/// If any step fails, for example on a full disk; the old file, if there was one, is untouched unless only the last step failed.
+/// If something else than a file is in the way, or if any step fails, for example on a full disk; the old file, if there was one, is
+/// untouched unless only the last step failed.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), RunDirError> {
-    write_steps(path, bytes, &mut |_| Ok(()))
+    write_steps(&target(path)?, bytes, &mut |_| Ok(()))
+}
+
+/// The file to replace. A device is never replaced: renaming a file over `/dev/null` would take it away from everybody.
+fn target(path: &Path) -> Result<PathBuf, RunDirError> {
+    match fs::metadata(path) {
+        Ok(metadata) if metadata.is_file() => fs::canonicalize(path).map_err(RunDirError::io("write", path)),
+        Ok(_) => {
+            let error = io::Error::new(io::ErrorKind::InvalidInput, "it is there already and is no file");
+            Err(RunDirError::io("write", path)(error))
+        }
+        // What else is wrong shows when it is created.
+        Err(_) => Ok(path.to_owned()),
+    }
 }
 
 fn write_steps(path: &Path, bytes: &[u8], before: &mut dyn FnMut(Step) -> io::Result<()>) -> Result<(), RunDirError> {
@@ -147,11 +161,26 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_in_the_way_is_left_alone() {
+    fn what_is_no_file_is_left_alone() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("taken");
         fs::create_dir(&path).unwrap();
-        assert!(write(&path, b"new").is_err());
+        let message = write(&path, b"new").unwrap_err().to_string();
+        assert!(message.contains("taken") && message.contains("no file"), "{message}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_and_a_device_is_not_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link, device] = ["file", "link", "device"].map(|name| folder.path().join(name));
+        write(&file, b"old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write(&link, b"new").unwrap();
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert_eq!(fs::read(&file).unwrap(), b"new");
+        std::os::unix::fs::symlink("/dev/null", &device).unwrap();
+        assert!(write(&device, b"new").unwrap_err().to_string().contains("no file"));
     }
 }
