@@ -84,13 +84,17 @@ impl PresetName {
 impl ConfigArgs {
     /// The checked configuration; `flags` are assignments that stand for flags of the command, and `--set` goes over them.
     pub(crate) fn resolve(&self, flags: Vec<String>) -> Result<RunConfig, ConfigFileError> {
-        let assignments: Vec<String> = flags.into_iter().chain(self.assignments.iter().cloned()).collect();
-        RunConfig::resolve(self.preset.preset(), self.config.as_deref(), &assignments)
+        RunConfig::resolve(self.preset.preset(), self.config.as_deref(), &self.over(flags))
     }
 
-    /// What `--set` makes of the complete configuration in `file`, that of a run.
-    pub(crate) fn resolve_over(&self, file: &Path) -> Result<RunConfig, ConfigFileError> {
-        RunConfig::resolve(Preset::Default, Some(file), &self.assignments)
+    /// The same over the complete configuration in `run`, that of a run that exists.
+    pub(crate) fn resolve_over(&self, run: &Path, flags: Vec<String>) -> Result<RunConfig, ConfigFileError> {
+        let file = self.config.as_deref().unwrap_or(run);
+        RunConfig::resolve(self.preset.preset(), Some(file), &self.over(flags))
+    }
+
+    fn over(&self, flags: Vec<String>) -> Vec<String> {
+        flags.into_iter().chain(self.assignments.iter().cloned()).collect()
     }
 }
 

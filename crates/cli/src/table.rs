@@ -22,7 +22,7 @@ const COLUMNS: [Column; 6] = [
 pub(crate) fn print_results(episodes: &[PolicyEpisodes]) -> anyhow::Result<()> {
     let results = episodes.iter().map(PolicyEpisodes::result).collect::<Result<Vec<_>, _>>()?;
     answer(&table(&results))?;
-    compare(episodes)?.iter().try_for_each(|statement| Ok(answer(statement)?))
+    compare(episodes)?.iter().try_for_each(|comparison| Ok(answer(&comparison.to_string())?))
 }
 
 /// The table with its heading and a line that says what the brackets are.

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use lanecraft_drive::decide::Maneuver;
 use lanecraft_drive::env::{Config, Env, StepError};
+use lanecraft_drive::scenario::ScenarioFile;
 use lanecraft_net::random::Stream;
 
 fn config(episode_s: f64) -> Arc<Config> {
@@ -37,6 +38,36 @@ fn the_same_seed_gives_the_same_bits_and_another_seed_does_not() {
     };
     assert_eq!(digest(5), digest(5));
     assert_ne!(digest(5), digest(6));
+}
+
+/// Holds the bits of 60 s of the whole loop across versions, targets and optimization levels.
+#[test]
+fn a_minute_of_driving_has_its_golden_digest() {
+    let mut env = Env::new(&config(60.0), 1).expect("the default scenario can be built");
+    drive_randomly(&mut env, &mut Stream::new(1, "golden"), 120);
+    assert_eq!(format!("{:016x}", env.digest()), "cdd51c115de7f914");
+}
+
+/// Every scenario that comes with the project can be driven through, the curve included.
+#[test]
+fn the_stack_drives_through_every_scenario_file() {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios");
+    let mut driven = 0;
+    for entry in std::fs::read_dir(folder).expect("the scenarios are there") {
+        let path = entry.expect("readable").path();
+        let text = std::fs::read_to_string(&path).expect("readable");
+        let file = ScenarioFile::from_toml(&text).expect("valid");
+        let config = config(30.0);
+        let scenario = file.scenario(1).expect("it can be built");
+        let mut env = Env::in_scenario(&config, &scenario).expect("it can be built");
+        drive_randomly(&mut env, &mut Stream::new(1, "scenarios"), 60);
+        let collision = env.episode().collision;
+        assert!(collision.is_none_or(|c| !c.fault.at_fault()), "{}: {collision:?}", path.display());
+        let (right_m, left_m) = env.world().road().edges_m();
+        assert!((right_m..=left_m).contains(&env.ego().d_m), "{} leads off the road", path.display());
+        driven += 1;
+    }
+    assert!(driven >= 5, "only {driven} scenarios");
 }
 
 #[test]
@@ -97,9 +128,11 @@ fn a_lane_change_ends_in_the_middle_of_the_new_lane() {
     for seed in 0..6 {
         let mut env = Env::new(&config, seed).expect("the default scenario can be built");
         while !env.is_over() {
-            let sides = env.actions().decisions().iter().enumerate();
-            let wanted = sides.filter(|(_, d)| matches!(d.maneuver, Maneuver::Change(_))).map(|(action, _)| action);
-            let change = wanted.filter(|&action| env.mask().allows(action)).last();
+            let mut wanted =
+                env.actions().decisions().iter().enumerate().filter_map(|(action, decision)| {
+                    matches!(decision.maneuver, Maneuver::Change(_)).then_some(action)
+                });
+            let change = wanted.rfind(|&action| env.mask().allows(action));
             let keep = env.actions().plain(Maneuver::Keep { accel_mps2: 2.0 }).expect("there is one");
             let goes_on = env.actions().continue_action();
             let changing = !env.decision_due();

@@ -15,10 +15,15 @@ use lanecraft_net::random::Stream;
 use serde::Serialize;
 
 use crate::baselines::{BestLane, Rule};
-use crate::config::{RunConfig, SeedRole};
-use crate::evaluate::{EvaluateError, evaluation_environment};
+use crate::config::{EvaluationConfig, RunConfig, SeedRole};
+use crate::evaluate::{EvaluateError, evaluate, evaluation_environment};
+use crate::metrics::Interval;
 use crate::policy::Policy;
 use crate::profile::profile;
+use crate::progress::Progress;
+use crate::quickstart::QUICKSTART_DECISIONS;
+use crate::stats::StatsError;
+use crate::train::{TrainError, Trainer};
 
 /// A measurement.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -46,6 +51,10 @@ pub enum BenchError {
     Update(#[from] UpdateError),
     /// Acting failed.
     Act(#[from] ActError),
+    /// Training stopped.
+    Train(#[from] TrainError),
+    /// Too few episodes for an interval.
+    Stats(#[from] StatsError),
     /// The replay buffer refused a transition.
     Replay(#[from] lanecraft_learn::ReplayError),
 }
@@ -59,11 +68,17 @@ pub enum Group {
     Env,
     /// The learner.
     Learner,
+    /// The quick start's policy beside all rules on the evaluation's scenarios; trains first.
+    Policies,
+    /// The rule `best-lane` over a grid of its two numbers, on tuning scenarios.
+    BestLane,
 }
 
 impl Group {
     /// All groups.
-    pub const ALL: [Self; 3] = [Self::Traffic, Self::Env, Self::Learner];
+    pub const ALL: [Self; 5] = [Self::Traffic, Self::Env, Self::Learner, Self::Policies, Self::BestLane];
+    /// Those that are done in seconds.
+    pub const SHORT: [Self; 3] = [Self::Traffic, Self::Env, Self::Learner];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -71,6 +86,8 @@ impl Group {
             Self::Traffic => "traffic",
             Self::Env => "env",
             Self::Learner => "learner",
+            Self::Policies => "policies",
+            Self::BestLane => "best-lane",
         }
     }
 
@@ -80,6 +97,8 @@ impl Group {
             Self::Traffic => traffic(config, found),
             Self::Env => env(config, found),
             Self::Learner => learner(config, found),
+            Self::Policies => policies(config, found),
+            Self::BestLane => best_lane(config, found),
         }
     }
 }
@@ -186,5 +205,54 @@ fn learner(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), Be
     actor.greedy(&seen, 1)?;
     let value = 1e6 / rate(|| u64::from(black_box(actor.greedy(&seen, u32::MAX)).is_ok()));
     found(BenchRow { bench: format!("learner/vote/{name}"), value, unit: "us" });
+    Ok(())
+}
+
+/// Reward and collisions with their intervals, paired.
+fn policies(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
+    let mut config = config.clone();
+    config.training.decisions = QUICKSTART_DECISIONS;
+    let mut trainer = Trainer::new(&config)?;
+    while !trainer.is_finished() {
+        trainer.round()?;
+    }
+    let mut policies = vec![Policy::Learned { name: "quickstart".to_owned(), network: trainer.policy() }];
+    policies.extend(Rule::all().map(Policy::Rule));
+    for policy in &policies {
+        let episodes = evaluate(policy, &config.environment, &config.evaluation, SeedRole::Test, &Progress::silent())?;
+        let result = episodes.result()?;
+        let figures = [
+            ("reward-per-tick", "paper's units", result.reward_per_tick),
+            ("collisions", "per episode", result.collisions_per_episode),
+            ("speed", "m/s", result.speed_mps),
+        ];
+        for (name, unit, Interval { mean, low, high }) in figures {
+            for (end, value) in [("mean", mean), ("low", low), ("high", high)] {
+                found(BenchRow { bench: format!("policies/{}/{name}/{end}", policy.name()), value, unit });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Episodes for each point of the grid.
+const TUNING_EPISODES: usize = 200;
+
+fn best_lane(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
+    let evaluation = EvaluationConfig {
+        episodes: TUNING_EPISODES,
+        episode_s: config.environment.env.episode_s,
+        ..config.evaluation
+    };
+    for gap_time_s in [1.0, 2.0, 4.0, 8.0, 16.0] {
+        for gain_threshold_mps in [0.25, 0.5, 1.0, 2.0, 3.0] {
+            let policy = Policy::Rule(Rule::BestLane(BestLane { gap_time_s, gain_threshold_mps }));
+            let progress = Progress::silent();
+            let episodes = evaluate(&policy, &config.environment, &evaluation, SeedRole::Tuning, &progress)?;
+            let value = episodes.result()?.reward_per_tick.mean;
+            let bench = format!("best-lane/gap-time-{gap_time_s}/threshold-{gain_threshold_mps}");
+            found(BenchRow { bench, value, unit: "reward per tick" });
+        }
+    }
     Ok(())
 }

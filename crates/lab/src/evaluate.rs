@@ -145,21 +145,44 @@ impl PolicyEpisodes {
     }
 }
 
-/// Says of each other policy whether the first one beats it in reward, scenario by scenario.
-pub fn compare(episodes: &[PolicyEpisodes]) -> Result<Vec<String>, StatsError> {
-    let Some((first, others)) = episodes.split_first() else { return Ok(Vec::new()) };
-    let say = |other: &PolicyEpisodes| {
-        let gain = first.reward_difference(other)?;
-        let verdict = match gain {
-            _ if gain.low > 0.0 => "beats",
-            _ if gain.high < 0.0 => "does not beat: it falls behind",
+/// How a policy's reward compares with another's, scenario by scenario.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Comparison {
+    /// The one.
+    pub policy: String,
+    /// The other.
+    pub other: String,
+    /// Its lead in reward per tick.
+    pub lead: Interval,
+}
+
+impl Comparison {
+    /// Whether the whole interval lies above zero.
+    pub fn beats(&self) -> bool {
+        self.lead.low > 0.0
+    }
+}
+
+impl std::fmt::Display for Comparison {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { policy, other, lead: Interval { mean, low, high } } = self;
+        let verdict = match self.lead {
+            _ if self.beats() => "beats",
+            Interval { high, .. } if high < 0.0 => "falls behind",
             _ => "does not beat, as far as these scenarios can tell,",
         };
-        let (a, b) = (&first.policy, &other.policy);
-        let (mean, low, high) = (gain.mean, gain.low, gain.high);
-        Ok(format!("{a} {verdict} {b}: {mean:+.2} reward per tick, interval {low:+.2} to {high:+.2}."))
+        write!(f, "{policy} {verdict} {other}: {mean:+.2} reward per tick, interval {low:+.2} to {high:+.2}.")
+    }
+}
+
+/// The first policy against each of the others.
+pub fn compare(episodes: &[PolicyEpisodes]) -> Result<Vec<Comparison>, StatsError> {
+    let Some((first, others)) = episodes.split_first() else { return Ok(Vec::new()) };
+    let against = |other: &PolicyEpisodes| {
+        let (policy, lead) = (first.policy.clone(), first.reward_difference(other)?);
+        Ok(Comparison { policy, other: other.policy.clone(), lead })
     };
-    others.iter().map(say).collect()
+    others.iter().map(against).collect()
 }
 
 /// The environment of an evaluation: that of training but for the length of an episode.

@@ -62,7 +62,7 @@ pub fn judge(
         policies.iter().map(evaluate).collect::<Result<Vec<_>, _>>()
     })?;
     let evaluation_s = begun.elapsed().as_secs_f64();
-    let trace = overtaking(&policies[0], &episodes[0], config)?;
+    let trace = overtaking(&policies[0], &episodes, config)?;
     write_trace(&run.path().join(TRACE), &trace)?;
     let times = times(&policies[0], config, training.unwrap_or_default(), evaluation_s)?;
     run.write(TIMES, &serde_json::to_vec(&times).expect("names and numbers serialize"))?;
@@ -87,16 +87,18 @@ pub fn read_episodes(run: &Path) -> Result<Vec<PolicyEpisodes>, RunDirError> {
     Ok(policies)
 }
 
-/// The evaluated episode with the most lane changes and no collision, recorded.
-fn overtaking(policy: &Policy, episodes: &PolicyEpisodes, config: &RunConfig) -> Result<Trace, EvaluateError> {
-    let mut best: Option<&EpisodeResult> = None;
-    for episode in episodes.episodes.iter().filter(|episode| episode.collision.is_empty()) {
-        if best.is_none_or(|best| episode.lane_changes > best.lane_changes) {
-            best = Some(episode);
+/// The evaluated episode in which overtaking gained most: the largest lead in reward over the rule that keeps its lane, among those
+/// with two lane changes or more and no collision.
+fn overtaking(policy: &Policy, episodes: &[PolicyEpisodes], config: &RunConfig) -> Result<Trace, EvaluateError> {
+    let keeper = episodes.iter().find(|of| of.policy == Policy::Rule(Rule::KeepLane).name());
+    let mut best = (f64::NEG_INFINITY, SeedRole::Test.scenario_seed(config.evaluation.seed, 0));
+    for (own, kept) in episodes[0].episodes.iter().zip(keeper.map_or(&episodes[0].episodes, |of| &of.episodes)) {
+        let gain = own.reward_per_tick - kept.reward_per_tick;
+        if own.collision.is_empty() && own.lane_changes >= 2 && gain > best.0 {
+            best = (gain, own.scenario_seed);
         }
     }
-    let seed = best.map_or(SeedRole::Test.scenario_seed(config.evaluation.seed, 0), |episode| episode.scenario_seed);
-    record_episode(policy, &evaluation_environment(&config.environment, &config.evaluation), seed)
+    record_episode(policy, &evaluation_environment(&config.environment, &config.evaluation), best.1)
 }
 
 fn write_logs(run: &RunDir, episodes: &[PolicyEpisodes]) -> Result<(), JudgeError> {

@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 
 use crate::config::{RunConfig, SeedRole};
-use crate::evaluate::{PolicyEpisodes, compare};
+use crate::evaluate::{Comparison, PolicyEpisodes, compare};
 use crate::human_reward::{HUMAN_REWARD, summary};
 use crate::irl::IrlReport;
 use crate::judge::{JudgeError, TIMES, TRACE, judge, read_episodes};
+use crate::metrics::PolicyResult;
 use crate::policy::run_name;
 use crate::progress::Progress;
 use crate::report::{ReportData, render};
@@ -63,11 +64,32 @@ pub fn report(paths: &[PathBuf], progress: &Progress) -> Result<PathBuf, PageErr
     }
     let results =
         episodes.iter().map(PolicyEpisodes::result).collect::<Result<Vec<_>, _>>().map_err(JudgeError::from)?;
+    let comparisons = compare(&episodes).map_err(JudgeError::from)?;
+    data.summary = reading(&results[0], &comparisons);
+    data.statements = comparisons.iter().map(Comparison::to_string).collect();
     data.results = results;
-    data.statements = compare(&episodes).map_err(JudgeError::from)?;
     let path = paths[0].join(REPORT);
     crate::run_dir::atomic::write(&path, render(&data).as_bytes()).map_err(JudgeError::from)?;
     Ok(path)
+}
+
+/// The first policy's results in two sentences; its order among the others comes from the paired differences, which tell more than
+/// intervals that overlap.
+fn reading(first: &PolicyResult, comparisons: &[Comparison]) -> Vec<String> {
+    let names = |beats: bool| {
+        let names = comparisons.iter().filter(|c| c.beats() == beats).map(|c| c.other.as_str()).collect::<Vec<_>>();
+        if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+    };
+    let speed_kmph = 3.6 * first.speed_mps.mean;
+    let collisions = 100.0 * first.collisions_per_episode.mean;
+    let most = 100.0 * first.collisions_per_episode.high;
+    vec![
+        format!(
+            "{} drives {speed_kmph:.1} km/h on average and earns {:.2} per tick; {collisions:.1} % of {} episodes end in a collision (at most {most:.1} % with 95 % confidence).",
+            first.policy, first.reward_per_tick.mean, first.episodes
+        ),
+        format!("In reward, scenario by scenario, it beats: {}. It does not beat: {}.", names(true), names(false)),
+    ]
 }
 
 fn title(paths: &[PathBuf]) -> String {

@@ -97,7 +97,7 @@ pub struct Manifest {
     pub schema: u32,
     /// Version of the program.
     pub version: String,
-    /// Its commit, if `LANECRAFT_COMMIT` was set when it was built; else `unknown`.
+    /// Its commit, or `unknown` if it was built without one at hand.
     pub commit: String,
     /// The command that made the run, for example `train`.
     pub command: String,

@@ -192,6 +192,7 @@ impl Logs {
 
 /// The configuration of a run.
 pub fn read_config(run: &Path) -> Result<RunConfig, RunError> {
+    RunDir::open(run)?;
     let path = run.join(CONFIG);
     let text = fs::read_to_string(&path).map_err(RunDirError::io("read", &path))?;
     Ok(RunConfig::from_toml(&path, &text)?)

@@ -16,7 +16,7 @@ Examples:
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Bench {
-    /// Only this group
+    /// Only this group [default: those that are done in seconds]
     #[arg(value_name = "GROUP", value_parser = group)]
     group: Option<Group>,
     /// Print one JSON object a line
@@ -29,7 +29,7 @@ pub(crate) struct Bench {
 impl Bench {
     pub(crate) fn run(self, _output: Output) -> anyhow::Result<()> {
         let config = self.config.resolve(Vec::new())?;
-        let groups = self.group.map_or(Group::ALL.to_vec(), |group| vec![group]);
+        let groups = self.group.map_or(Group::SHORT.to_vec(), |group| vec![group]);
         for group in groups {
             let mut printed = Ok(());
             group.run(&config, &mut |row| {

@@ -93,7 +93,7 @@ impl Evaluate {
         for policy in &self.policies {
             let Policy::Run(path) = policy else { continue };
             RunDir::open(path)?;
-            let environment = self.config.resolve_over(&path.join(CONFIG))?.environment;
+            let environment = self.config.resolve_over(&path.join(CONFIG), Vec::new())?.environment;
             let (other, expected) = first.get_or_insert_with(|| (path, environment.clone()));
             if (&environment.road, &environment.traffic) != (&expected.road, &expected.traffic) {
                 bail!(

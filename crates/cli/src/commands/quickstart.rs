@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use lanecraft_lab::human_reward::Source;
 use lanecraft_lab::judge::read_episodes;
-use lanecraft_lab::quickstart::{quickstart, with_human_reward};
+use lanecraft_lab::quickstart::{QUICKSTART_DECISIONS, quickstart, with_human_reward};
 use lanecraft_lab::run_dir::{Manifest, RunDir};
 
 use crate::args::{ConfigArgs, ThreadsArg, folder};
@@ -33,12 +33,9 @@ pub(crate) struct Quickstart {
     threads: ThreadsArg,
 }
 
-/// Decisions of training: enough to overtake the rules, and done in well under a minute on two cores.
-const DECISIONS: u64 = 60_000;
-
 impl Quickstart {
     pub(crate) fn run(self, output: Output) -> anyhow::Result<()> {
-        let mut config = self.config.resolve(vec![format!("training.decisions={DECISIONS}")])?;
+        let mut config = self.config.resolve(vec![format!("training.decisions={QUICKSTART_DECISIONS}")])?;
         let source = self.data.clone().map_or(Source::Synthetic, Source::Recorded);
         let irl = with_human_reward(&source, &mut config)?;
         output.note(&format!("learned how {} change lanes", irl.model.source));

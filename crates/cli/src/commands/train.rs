@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use anyhow::bail;
 use clap::{Args, ValueEnum};
 use lanecraft_lab::config::RunConfig;
-use lanecraft_lab::run_dir::{Existing, MANIFEST, Manifest, RunDir};
+use lanecraft_lab::run_dir::{CONFIG, Existing, MANIFEST, Manifest, RunDir};
 use lanecraft_lab::runs;
 
 use crate::args::{ConfigArgs, ThreadsArg, flag};
@@ -68,36 +68,40 @@ impl Algorithm {
 
 impl Train {
     pub(crate) fn run(self, output: Output) -> anyhow::Result<()> {
+        let resumed = self.resume && self.out.join(MANIFEST).exists();
+        let (run, config, finished) = if resumed { self.reopen()? } else { self.create()? };
+        if !finished {
+            self.threads.run(|| output.with_progress(|progress| runs::train(&run, &config, progress)))??;
+        }
+        Ok(answer(&format!("{} is finished", run.path().display()))?)
+    }
+
+    fn flags(&self) -> Vec<String> {
         let flags = [
             flag("learner.algorithm", self.algorithm.map(Algorithm::name)),
             flag("training.seed", self.seed),
             flag("training.decisions", self.decisions),
         ];
-        let config = self.config.resolve(flags.into_iter().flatten().collect())?;
-        let Some(run) = self.open(&config)? else {
-            return Ok(answer(&format!("{} is finished", self.out.display()))?);
-        };
-        self.threads.run(|| output.with_progress(|progress| runs::train(&run, &config, progress)))??;
-        Ok(answer(&format!("trained policy in {}", run.path().display()))?)
+        flags.into_iter().flatten().collect()
     }
 
-    /// The run to go on with, a new one, or none if it is finished.
-    fn open(&self, config: &RunConfig) -> anyhow::Result<Option<RunDir>> {
-        if self.resume && self.out.join(MANIFEST).exists() {
-            let (run, manifest) = RunDir::open(&self.out)?;
-            if manifest.finished {
-                return Ok(None);
-            }
-            if runs::read_config(run.path())? != *config {
-                bail!(
-                    "{} was begun with another configuration; give the same options, or `--force` to replace it",
-                    run.path().display()
-                );
-            }
-            return Ok(Some(run));
-        }
+    fn create(&self) -> anyhow::Result<(RunDir, RunConfig, bool)> {
+        let config = self.config.resolve(self.flags())?;
+        let manifest = Manifest::new("train", self.config.preset.preset().name(), &config);
         let existing = if self.force { Existing::Replace } else { Existing::Refuse };
-        let manifest = Manifest::new("train", self.config.preset.preset().name(), config);
-        Ok(Some(RunDir::create(&self.out, existing, &manifest, config)?))
+        Ok((RunDir::create(&self.out, existing, &manifest, &config)?, config, false))
+    }
+
+    /// The run that goes on, with its own configuration, which the command line may repeat but not change.
+    fn reopen(&self) -> anyhow::Result<(RunDir, RunConfig, bool)> {
+        let (run, manifest) = RunDir::open(&self.out)?;
+        let stored = runs::read_config(&self.out)?;
+        if self.config.resolve_over(&self.out.join(CONFIG), self.flags())? != stored {
+            bail!(
+                "{} was begun with other numbers; a run goes on only as it began, or anew with `--force`",
+                run.path().display()
+            );
+        }
+        Ok((run, stored, manifest.finished))
     }
 }

@@ -36,9 +36,9 @@ pub struct BestLane {
 }
 
 impl Default for BestLane {
-    /// Tuned on training scenarios; see `docs/decisions.md` for the grid and the command.
+    /// The best of a grid on tuning scenarios: `lanecraft bench best-lane` repeats it, `docs/decisions.md` has its table.
     fn default() -> Self {
-        Self { gap_time_s: 2.0, gain_threshold_mps: 1.0 }
+        Self { gap_time_s: 1.0, gain_threshold_mps: 0.25 }
     }
 }
 
