@@ -236,7 +236,7 @@ fn policies(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), B
 }
 
 /// Episodes for each point of the grid.
-const TUNING_EPISODES: usize = 200;
+const TUNING_EPISODES: usize = 400;
 
 fn best_lane(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
     let evaluation = EvaluationConfig {

@@ -85,7 +85,7 @@ fn reading(first: &PolicyResult, comparisons: &[Comparison]) -> Vec<String> {
     let most = 100.0 * first.collisions_per_episode.high;
     vec![
         format!(
-            "{} drives {speed_kmph:.1} km/h on average and earns {:.2} per tick; {collisions:.1} % of {} episodes end in a collision (at most {most:.1} % with 95 % confidence).",
+            "The policy {} drives {speed_kmph:.1} km/h on average and earns {:.2} per tick; {collisions:.1} % of {} episodes end in a collision (at most {most:.1} % with 95 % confidence).",
             first.policy, first.reward_per_tick.mean, first.episodes
         ),
         format!("In reward, scenario by scenario, it beats: {}. It does not beat: {}.", names(true), names(false)),

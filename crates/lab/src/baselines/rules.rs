@@ -38,7 +38,7 @@ pub struct BestLane {
 impl Default for BestLane {
     /// The best of a grid on tuning scenarios: `lanecraft bench best-lane` repeats it, `docs/decisions.md` has its table.
     fn default() -> Self {
-        Self { gap_time_s: 1.0, gain_threshold_mps: 0.25 }
+        Self { gap_time_s: 2.0, gain_threshold_mps: 0.5 }
     }
 }
 

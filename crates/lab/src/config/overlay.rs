@@ -173,14 +173,20 @@ pub fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) ->
     let mut best: Option<(&str, f64)> = None;
     for candidate in candidates {
         let jaro = strsim::jaro_winkler(name, candidate);
-        // A name cut short is the likeliest slip with long names.
-        let cut_short = if candidate.starts_with(name) { 1.0 } else { 0.0 };
-        let score = jaro + strsim::normalized_damerau_levenshtein(name, candidate) + cut_short;
-        if jaro >= ALIKE && best.is_none_or(|(_, highest)| score > highest) {
+        // A name cut short, perhaps with a slip in it as well, is the likeliest mistake with long names.
+        let shortened = shortened_alike(name, candidate);
+        let score = jaro + strsim::normalized_damerau_levenshtein(name, candidate).max(shortened);
+        if jaro.max(shortened) >= ALIKE && best.is_none_or(|(_, highest)| score > highest) {
             best = Some((candidate, score));
         }
     }
     best.map(|(candidate, _)| candidate)
+}
+
+/// How alike `name` is to `candidate` cut off behind one of its words; a whole match of a part counts almost like one of the whole.
+fn shortened_alike(name: &str, candidate: &str) -> f64 {
+    let ends = candidate.match_indices('_').map(|(end, _)| &candidate[..end]);
+    0.99 * ends.map(|part| strsim::normalized_damerau_levenshtein(name, part)).fold(0.0, f64::max)
 }
 
 fn collect_leaves<'a, 'i>(prefix: &str, table: &'a DeTable<'i>, leaves: &mut Vec<(String, usize, &'a DeValue<'i>)>) {
@@ -315,6 +321,7 @@ mod tests {
             ("car.mas_kg=1", "car.mass_kg"),
             ("trafic.min_gap_m=1", "traffic.min_gap_m"),
             ("traffic.density=1", "traffic.density_veh_per_km_lane"),
+            ("traffic.densty=1", "traffic.density_veh_per_km_lane"),
             ("min_gap_m=1", "traffic.min_gap_m"),
             ("density_veh_km_lane=1", "traffic.density_veh_per_km_lane"),
         ] {
