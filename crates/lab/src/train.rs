@@ -8,6 +8,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use lanecraft_drive::decide::ActionSet;
 use lanecraft_drive::env::{Config, Env, EnvError, StepError, StepOutcome};
 use lanecraft_learn::{
     ActError, Actor, Exploration, Learner, LearnerConfig, LearnerMetadata, OptionAccumulator, Policy, ReplayBuffer,
@@ -122,7 +123,7 @@ impl Trainer {
         let environment = Arc::new(config.environment.clone());
         let training = config.training.clone();
         let inputs = environment.observation.size();
-        let actions = Env::new(&environment, SeedRole::Training.scenario_seed(training.seed, 0))?.actions().len();
+        let actions = ActionSet::new(&environment.actions).map_err(EnvError::from)?.len();
         let learner = Learner::new(&config.learner, inputs, actions, training.seed)?;
         let replay = learner.empty_replay();
         let seats =
