@@ -1,5 +1,9 @@
-//! What the ego car perceives of the world: every vehicle within range, without error.
+//! What the ego car perceives of the world: every vehicle within range, by choice with noise.
+//!
+//! Noise is white and normal, keyed by the world's seed, the step and the vehicle: the same whoever else is seen. The
+//! ego's own state, lanes and turn signals are seen without error.
 
+use lanecraft_net::random::Stream;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, check_range};
@@ -13,18 +17,24 @@ use crate::vehicle::VehicleState;
 pub struct PerceptionConfig {
     /// Vehicles further away than this along the road are not seen, m.
     pub range_m: f64,
+    /// Standard deviation of the noise of another vehicle's position, m, along and across the road. The paper has none.
+    pub position_noise_m: f64,
+    /// Standard deviation of the noise of its speed, m/s, along and across the road.
+    pub speed_noise_mps: f64,
 }
 
 impl Default for PerceptionConfig {
     fn default() -> Self {
-        Self { range_m: 200.0 }
+        Self { range_m: 200.0, position_noise_m: 0.0, speed_noise_mps: 0.0 }
     }
 }
 
 impl PerceptionConfig {
     /// Checks every range.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        check_range("perception.range_m", self.range_m, 50.0, 300.0)
+        check_range("perception.range_m", self.range_m, 50.0, 300.0)?;
+        check_range("perception.position_noise_m", self.position_noise_m, 0.0, 5.0)?;
+        check_range("perception.speed_noise_mps", self.speed_noise_mps, 0.0, 5.0)
     }
 }
 
@@ -50,5 +60,18 @@ pub fn perceive(config: &PerceptionConfig, world: &World, ego: &VehicleState, sc
             });
         }
     }
+    if config.position_noise_m > 0.0 || config.speed_noise_mps > 0.0 {
+        for neighbor in &mut scene.neighbors {
+            let id = u64::from(neighbor.id.0);
+            blur(neighbor, config, Stream::keyed(world.seed(), "perceive.noise", world.time_step(), id));
+        }
+    }
     scene.neighbors.sort_unstable_by(|a, b| a.ahead_m.total_cmp(&b.ahead_m).then(a.id.cmp(&b.id)));
+}
+
+fn blur(neighbor: &mut Neighbor, config: &PerceptionConfig, mut noise: Stream) {
+    neighbor.ahead_m += config.position_noise_m * noise.normal();
+    neighbor.d_m += config.position_noise_m * noise.normal();
+    neighbor.speed_mps = (neighbor.speed_mps + config.speed_noise_mps * noise.normal()).max(0.0);
+    neighbor.lateral_speed_mps += config.speed_noise_mps * noise.normal();
 }

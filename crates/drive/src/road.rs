@@ -1,4 +1,4 @@
-//! The road: a reference line with curvature κ(s), lanes beside it, and its adhesion.
+//! The road: a reference line with curvature κ(s), grade and bank, lanes beside it, and its adhesion, which patches may change.
 //!
 //! Positions are (s, d): s along the reference line, d to its left. The reference line is the center of lane 0, the rightmost lane;
 //! lane `i` has its center at `d = i · lane_width_m`. A ring closes on itself after `length_m`; an open road goes on without end,
@@ -48,6 +48,38 @@ pub struct CurvaturePoint {
     pub curvature_radpm: f64,
 }
 
+/// A point of the piecewise linear grade.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GradePoint {
+    /// Position along the reference line, m.
+    pub s_m: f64,
+    /// Rise over run there, m/m, positive uphill.
+    pub grade: f64,
+}
+
+/// A point of the piecewise linear bank.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BankPoint {
+    /// Position along the reference line, m.
+    pub s_m: f64,
+    /// Bank angle there, rad, positive where the left side is the higher one.
+    pub bank_rad: f64,
+}
+
+/// A stretch of road with an adhesion of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AdhesionPatch {
+    /// Where it begins, m.
+    pub s_m: f64,
+    /// How long it is, m.
+    pub length_m: f64,
+    /// Adhesion coefficient μ on it.
+    pub adhesion: f64,
+}
+
 /// The road's parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -64,6 +96,13 @@ pub struct RoadConfig {
     pub adhesion: f64,
     /// Piecewise linear curvature, by rising `s_m`; empty = straight. Constant before the first and after the last point.
     pub curvature: Vec<CurvaturePoint>,
+    /// Piecewise linear grade, in the same way. The paper's road is level.
+    pub grade: Vec<GradePoint>,
+    /// Piecewise linear bank, in the same way.
+    pub bank: Vec<BankPoint>,
+    /// Stretches with an adhesion of their own, the first one that covers a place counting there. The other drivers take
+    /// no notice of them.
+    pub adhesion_patches: Vec<AdhesionPatch>,
 }
 
 impl Default for RoadConfig {
@@ -75,6 +114,9 @@ impl Default for RoadConfig {
             topology: Topology::Ring,
             adhesion: 0.85,
             curvature: Vec::new(),
+            grade: Vec::new(),
+            bank: Vec::new(),
+            adhesion_patches: Vec::new(),
         }
     }
 }
@@ -92,7 +134,32 @@ impl RoadConfig {
             check_range("road.curvature.curvature_radpm", point.curvature_radpm, -0.02, 0.02)?;
             last_m = point.s_m;
         }
+        last_m = f64::NEG_INFINITY;
+        for point in &self.grade {
+            check_range("road.grade.s_m", point.s_m, last_m, 1e6)?;
+            check_range("road.grade.grade", point.grade, -0.15, 0.15)?;
+            last_m = point.s_m;
+        }
+        last_m = f64::NEG_INFINITY;
+        for point in &self.bank {
+            check_range("road.bank.s_m", point.s_m, last_m, 1e6)?;
+            check_range("road.bank.bank_rad", point.bank_rad, -0.15, 0.15)?;
+            last_m = point.s_m;
+        }
+        for patch in &self.adhesion_patches {
+            check_range("road.adhesion_patches.s_m", patch.s_m, -1e6, 1e6)?;
+            check_range("road.adhesion_patches.length_m", patch.length_m, 0.0, 1e6)?;
+            check_range("road.adhesion_patches.adhesion", patch.adhesion, 0.05, 1.5)?;
+        }
         Ok(())
+    }
+}
+
+impl AdhesionPatch {
+    /// Whether it covers some of the stretch of `range_m` from `s_m` on.
+    fn meets(&self, road: &Road, s_m: f64, range_m: f64) -> bool {
+        (0.0..self.length_m).contains(&road.past_m(self.s_m, s_m))
+            || (0.0..=range_m).contains(&road.past_m(s_m, self.s_m))
     }
 }
 
@@ -178,22 +245,63 @@ impl Road {
         }
     }
 
+    /// How far `s_m` lies past `from_s_m` in driving direction, m: once round at most on a ring, negative before it on an
+    /// open road.
+    fn past_m(&self, from_s_m: f64, s_m: f64) -> f64 {
+        match self.config.topology {
+            Topology::Open => s_m - from_s_m,
+            Topology::Ring => self.wrap_m(s_m - from_s_m),
+        }
+    }
+
+    /// Adhesion coefficient μ at `s_m`.
+    pub fn adhesion_at(&self, s_m: f64) -> f64 {
+        let here = self.config.adhesion_patches.iter().find(|patch| patch.meets(self, s_m, 0.0));
+        here.map_or(self.config.adhesion, |patch| patch.adhesion)
+    }
+
+    /// Lowest adhesion coefficient μ from `s_m` on for `range_m`, the road's own included.
+    pub fn lowest_adhesion(&self, s_m: f64, range_m: f64) -> f64 {
+        let met = self.config.adhesion_patches.iter().filter(|patch| patch.meets(self, s_m, range_m));
+        met.fold(self.config.adhesion, |lowest, patch| lowest.min(patch.adhesion))
+    }
+
+    /// Whether the adhesion is the same everywhere.
+    pub fn is_uniform(&self) -> bool {
+        self.config.adhesion_patches.is_empty()
+    }
+
     /// Curvature of the reference line at `s_m`, rad/m, positive to the left.
     pub fn curvature_radpm(&self, s_m: f64) -> f64 {
-        let points = &self.config.curvature;
+        self.piecewise(&self.config.curvature, s_m, |point| (point.s_m, point.curvature_radpm))
+    }
+
+    /// Grade at `s_m`, m/m, positive uphill.
+    pub fn grade(&self, s_m: f64) -> f64 {
+        self.piecewise(&self.config.grade, s_m, |point| (point.s_m, point.grade))
+    }
+
+    /// Bank at `s_m`, rad, positive where the left side is the higher one.
+    pub fn bank_rad(&self, s_m: f64) -> f64 {
+        self.piecewise(&self.config.bank, s_m, |point| (point.s_m, point.bank_rad))
+    }
+
+    /// Linear between `points`, constant outside them, 0 without any.
+    fn piecewise<P>(&self, points: &[P], s_m: f64, read: impl Fn(&P) -> (f64, f64)) -> f64 {
         let (Some(first), Some(last)) = (points.first(), points.last()) else { return 0.0 };
         let s_m = self.wrap_m(s_m);
-        if s_m <= first.s_m {
-            return first.curvature_radpm;
+        let (first_m, first_value) = read(first);
+        if s_m <= first_m {
+            return first_value;
         }
         for pair in points.windows(2) {
-            if s_m <= pair[1].s_m {
-                let span_m = pair[1].s_m - pair[0].s_m;
-                let share = if span_m > 0.0 { (s_m - pair[0].s_m) / span_m } else { 1.0 };
-                return pair[0].curvature_radpm + share * (pair[1].curvature_radpm - pair[0].curvature_radpm);
+            let ((from_m, from), (to_m, to)) = (read(&pair[0]), read(&pair[1]));
+            if s_m <= to_m {
+                let share = if to_m > from_m { (s_m - from_m) / (to_m - from_m) } else { 1.0 };
+                return from + share * (to - from);
             }
         }
-        last.curvature_radpm
+        read(last).1
     }
 }
 
@@ -235,6 +343,22 @@ mod tests {
         assert!((road.curvature_radpm(150.0) - 0.0005).abs() < 1e-15);
         assert_eq!(road.curvature_radpm(250.0), 0.001);
         assert_eq!(road.curvature_radpm(900.0), 0.0);
+    }
+
+    #[test]
+    fn patches_lie_where_they_are_also_round_the_ring() {
+        let ice = AdhesionPatch { s_m: 950.0, length_m: 100.0, adhesion: 0.2 };
+        let road = Road::new(RoadConfig { adhesion_patches: vec![ice], ..RoadConfig::default() }).expect("valid");
+        for (s_m, adhesion) in [(949.0, 0.85), (950.0, 0.2), (10.0, 0.2), (49.9, 0.2), (50.0, 0.85), (500.0, 0.85)] {
+            assert_eq!(road.adhesion_at(s_m), adhesion, "at {s_m} m");
+        }
+        assert_eq!([road.lowest_adhesion(800.0, 149.0), road.lowest_adhesion(800.0, 151.0)], [0.85, 0.2]);
+        let open = RoadConfig { adhesion_patches: vec![ice], topology: Topology::Open, ..RoadConfig::default() };
+        let open = Road::new(open).expect("valid");
+        assert_eq!(
+            [open.adhesion_at(10.0), open.adhesion_at(1010.0), open.lowest_adhesion(1060.0, 1e3)],
+            [0.85, 0.2, 0.85]
+        );
     }
 
     #[test]

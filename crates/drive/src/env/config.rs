@@ -10,7 +10,7 @@ use crate::plan::PlannerConfig;
 use crate::predict::Predictor;
 use crate::road::RoadConfig;
 use crate::scenario::TrafficConfig;
-use crate::vehicle::VehicleParams;
+use crate::vehicle::{PlantConfig, VehicleParams};
 
 /// In which order decision and plan are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,6 +106,8 @@ pub struct Config {
     pub traffic: TrafficConfig,
     /// The ego car.
     pub vehicle: VehicleParams,
+    /// How the true car differs from what its controllers know, and the wind.
+    pub plant: PlantConfig,
     /// Its sensors.
     pub perception: PerceptionConfig,
     /// Its forecast.
@@ -131,6 +133,8 @@ impl Config {
         self.road.validate()?;
         self.traffic.validate()?;
         self.vehicle.validate()?;
+        self.check_delays()?;
+        self.plant.validate()?;
         self.perception.validate()?;
         self.planner.validate()?;
         self.control.validate()?;
@@ -138,5 +142,19 @@ impl Config {
         self.observation.validate()?;
         self.reward.validate()?;
         self.shield.validate()
+    }
+
+    /// A delay is none or a whole number of plant steps.
+    fn check_delays(&self) -> Result<(), ConfigError> {
+        let plant = ("env.plant_period_s", self.env.plant_period_s);
+        let vehicle = &self.vehicle;
+        for (key, delay_s) in
+            [("vehicle.steer_delay_s", vehicle.steer_delay_s), ("vehicle.drive_delay_s", vehicle.drive_delay_s)]
+        {
+            if delay_s > 0.0 {
+                whole_multiple((key, delay_s), plant)?;
+            }
+        }
+        Ok(())
     }
 }

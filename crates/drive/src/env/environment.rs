@@ -12,7 +12,7 @@ use crate::road::Side;
 use crate::scenario::{Scenario, ScenarioDistribution, ScenarioError};
 use crate::scene::Scene;
 use crate::traffic::{ExternalBody, World};
-use crate::vehicle::VehicleState;
+use crate::vehicle::{Plant, SingleTrack, VehicleState};
 
 /// Why an environment cannot start.
 #[derive(Debug, thiserror::Error)]
@@ -34,6 +34,7 @@ pub struct Env {
     pub(super) world: World,
     pub(super) driver: Driver,
     pub(super) ego: VehicleState,
+    pub(super) plant: Plant,
     pub(super) driven_m: f64,
     pub(super) mask: ActionMask,
     pub(super) episode: Episode,
@@ -74,12 +75,14 @@ impl Env {
             control_period_s: config.env.control_period_s,
         };
         let driver = Driver::new(&setup, scene, lane)?;
+        let plant = SingleTrack::new(&config.vehicle, &config.plant, config.env.plant_period_s);
         let mut env = Self {
             config: config.clone(),
             periods,
             world,
             driver,
             ego,
+            plant: Plant::SingleTrack(plant),
             driven_m: 0.0,
             mask: ActionMask::default(),
             episode: Episode::default(),
@@ -135,6 +138,11 @@ impl Env {
         &self.ego
     }
 
+    /// Puts another model of the car in place of the built-in one, from the next step on.
+    pub fn set_plant(&mut self, plant: Plant) {
+        self.plant = plant;
+    }
+
     /// What was measured so far.
     pub fn episode(&self) -> &Episode {
         &self.episode
@@ -160,7 +168,7 @@ impl Env {
         observe(&self.config.observation, self.driver.scene(), &situation, out);
     }
 
-    /// A digest of the whole physical state: equal states have equal digests.
+    /// A digest of the whole physical state, but for what an external plant holds: equal states have equal digests.
     pub fn digest(&self) -> u64 {
         let ego = &self.ego;
         let bits = [
@@ -174,7 +182,10 @@ impl Env {
             ego.accel_mps2,
         ];
         // FNV-1a over 64-bit words.
-        bits.iter().fold(self.world.digest(), |hash, x| (hash ^ x.to_bits()).wrapping_mul(0x0000_0100_0000_01B3))
+        let under_way = self.plant.commands_under_way();
+        bits.into_iter()
+            .chain(under_way)
+            .fold(self.world.digest(), |hash, x| (hash ^ x.to_bits()).wrapping_mul(0x0000_0100_0000_01B3))
     }
 
     /// The ego car as the world sees it.

@@ -5,7 +5,7 @@ use super::episode::time_to_collision_s;
 use super::record::TickRecord;
 use crate::decide::{ActionMask, Decision, RewardTerms, TickQuality, score};
 use crate::driver::Part;
-use crate::vehicle::{Contact, ControlInput, step as plant_step};
+use crate::vehicle::{Contact, ControlInput};
 
 /// Why a tick cannot be taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -100,14 +100,29 @@ impl Env {
 
     /// The car moves through one control step, in the plant's own smaller steps.
     fn move_car(&mut self, input: &ControlInput) {
-        let road = self.world.road();
         let before_m = self.ego.s_m;
-        for _ in 0..self.periods.plant_steps {
-            let contact = Contact { adhesion: road.adhesion(), curvature_radpm: road.curvature_radpm(self.ego.s_m) };
-            self.ego = plant_step(&self.config.vehicle, &self.ego, input, &contact, self.config.env.plant_period_s);
+        for plant_step in 0..self.periods.plant_steps {
+            let contact = self.contact(plant_step);
+            self.ego = self.plant.step(&self.ego, input, &contact, self.config.env.plant_period_s);
         }
         self.driven_m += self.ego.s_m - before_m;
-        self.ego.s_m = road.wrap_m(self.ego.s_m);
+        self.ego.s_m = self.world.road().wrap_m(self.ego.s_m);
+    }
+
+    /// What road and wind do to the car in this plant step of the control step.
+    fn contact(&self, plant_step: u32) -> Contact {
+        let (road, s_m) = (self.world.road(), self.ego.s_m);
+        let steps = self.episode.control_steps * u64::from(self.periods.plant_steps) + u64::from(plant_step);
+        let time_s = steps as f64 * self.config.env.plant_period_s;
+        let (side_force_n, yaw_moment_nm) = self.config.plant.wind_load(self.ego.speed_mps, time_s);
+        Contact {
+            adhesion: road.adhesion_at(s_m),
+            curvature_radpm: road.curvature_radpm(s_m),
+            grade: road.grade(s_m),
+            bank_rad: road.bank_rad(s_m),
+            side_force_n,
+            yaw_moment_nm,
+        }
     }
 
     fn measure(&mut self, accel_before_mps2: f64, quality: &mut TickQuality) {

@@ -329,6 +329,11 @@ impl World {
         (0..self.fleet.len()).map(|i| self.fleet.vehicle(i))
     }
 
+    /// Seed of the scenario.
+    pub fn seed(&self) -> u64 {
+        self.seed
+    }
+
     /// Steps since the start.
     pub fn time_step(&self) -> u64 {
         self.time_step

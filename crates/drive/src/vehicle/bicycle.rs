@@ -52,6 +52,9 @@ pub struct DiscreteBicycle {
     pub a: [[f64; 5]; 5],
     /// B.
     pub b: [f64; 5],
+    /// What a constant lateral acceleration (m/s²) and a constant yaw acceleration (rad/s²) that act on the car from
+    /// outside add to the state in a step.
+    pub disturbance: [[f64; 2]; 5],
 }
 
 impl DiscreteBicycle {
@@ -69,7 +72,7 @@ impl DiscreteBicycle {
             [0.0, m[1][0], 0.0, m[1][1], through * n[1]],
             [0.0, 0.0, 0.0, 0.0, -decay],
         ];
-        let input = [[0.0], [direct * n[0]], [0.0], [direct * n[1]], [decay]];
+        let input = [[0.0; 3], [direct * n[0], 1.0, 0.0], [0.0; 3], [direct * n[1], 0.0, 1.0], [decay, 0.0, 0.0]];
         let (transition, response) = zero_order_hold(&continuous, &input, step_s);
         let lead = 1.0 / lag_response(lag_s, step_s);
         let (mut a, mut b) = (transition, [0.0; 5]);
@@ -79,6 +82,6 @@ impl DiscreteBicycle {
         }
         a[4] = [0.0, 0.0, 0.0, 0.0, 1.0];
         b[4] = 1.0;
-        Self { a, b }
+        Self { a, b, disturbance: response.map(|row| [row[1], row[2]]) }
     }
 }

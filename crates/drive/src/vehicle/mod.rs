@@ -3,6 +3,8 @@
 
 mod actuator;
 pub mod bicycle;
+mod car;
+mod options;
 mod params;
 mod plant;
 mod state;
@@ -10,7 +12,9 @@ mod state;
 mod tests;
 pub mod tire;
 
-pub(crate) use actuator::lag_response;
-pub use params::{TireModel, VehicleParams, VehiclePreset};
-pub use plant::{Contact, step};
+pub(crate) use actuator::{lag_response, lagged};
+pub use car::{ExternalPlant, Plant, SingleTrack};
+pub use options::{LoadTransfer, PlantConfig};
+pub use params::{MAX_DELAY_S, TireModel, VehicleParams, VehiclePreset};
+pub use plant::{Contact, step, step_with};
 pub use state::{ControlInput, VehicleState};

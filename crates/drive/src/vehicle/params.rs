@@ -4,12 +4,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, check_range};
 
+/// Longest pure delay of an actuator, s.
+pub const MAX_DELAY_S: f64 = 0.5;
+
 /// How lateral tire force follows from slip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum TireModel {
     /// F = −2 K α (Eq. 3 with the restoring sign).
     Linear,
+    /// Linear up to half of μ F_z, then bending towards it (Dugoff, Fancher and Segel, 1970, without longitudinal slip).
+    Dugoff,
     /// The magic formula (Pacejka), with the linear model's slope at the origin and μ F_z as its peak.
     Pacejka,
 }
@@ -55,6 +60,10 @@ pub struct VehicleParams {
     pub steer_lag_s: f64,
     /// First-order lag of the drive train, s; 0 = none, as in the paper.
     pub drive_lag_s: f64,
+    /// Pure delay of the steering before its lag, s, a whole multiple of the plant's step. The paper has none.
+    pub steer_delay_s: f64,
+    /// Pure delay of the drive train and the brakes before their lag, s, likewise. The paper has none.
+    pub drive_delay_s: f64,
     /// Hardest braking the plant can do on a dry road, m/s² (positive); μ g bounds it further.
     pub max_brake_mps2: f64,
     /// Largest acceleration, m/s².
@@ -84,6 +93,8 @@ impl VehicleParams {
             max_steer_rate_radps: 0.52,
             steer_lag_s: 0.1,
             drive_lag_s: 0.2,
+            steer_delay_s: 0.0,
+            drive_delay_s: 0.0,
             max_brake_mps2: 8.0,
             max_accel_mps2: 2.0,
         };
@@ -118,6 +129,8 @@ impl VehicleParams {
         check_range("vehicle.max_steer_rate_radps", self.max_steer_rate_radps, 0.05, 5.0)?;
         check_range("vehicle.steer_lag_s", self.steer_lag_s, 0.0, 1.0)?;
         check_range("vehicle.drive_lag_s", self.drive_lag_s, 0.0, 1.0)?;
+        check_range("vehicle.steer_delay_s", self.steer_delay_s, 0.0, MAX_DELAY_S)?;
+        check_range("vehicle.drive_delay_s", self.drive_delay_s, 0.0, MAX_DELAY_S)?;
         check_range("vehicle.max_brake_mps2", self.max_brake_mps2, 4.0, 12.0)?;
         check_range("vehicle.max_accel_mps2", self.max_accel_mps2, 0.5, 6.0)
     }

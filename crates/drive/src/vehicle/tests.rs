@@ -3,7 +3,8 @@
 use super::bicycle::{DiscreteBicycle, lateral_dynamics, steady_sideslip_rad, steady_steer_rad, understeer_gradient};
 use super::*;
 
-const DRY: Contact = Contact { adhesion: 0.85, curvature_radpm: 0.0 };
+const DRY: Contact =
+    Contact { adhesion: 0.85, curvature_radpm: 0.0, grade: 0.0, bank_rad: 0.0, side_force_n: 0.0, yaw_moment_nm: 0.0 };
 
 fn paper_car() -> VehicleParams {
     VehicleParams::preset(VehiclePreset::Paper)
@@ -127,7 +128,7 @@ fn the_road_bounds_the_braking() {
 #[test]
 fn a_straight_line_across_a_bend_is_straight() {
     // Without steering the car leaves a circle of radius R along its tangent: (R − d)² = R² + s².
-    let bend = Contact { adhesion: 0.85, curvature_radpm: 0.01 };
+    let bend = Contact { curvature_radpm: 0.01, ..DRY };
     let start = VehicleState { speed_mps: 20.0, ..VehicleState::default() };
     let params = paper_car();
     let end = (0..100).fold(start, |state, _| step(&params, &state, &ControlInput::default(), &bend, 0.01));

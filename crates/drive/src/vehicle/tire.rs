@@ -42,11 +42,17 @@ pub fn slip_angles_rad(
 
 /// Force of both tires of an axle at slip α, N, positive to the left.
 ///
-/// `stiffness_nprad` is one tire's K; `peak_n` is μ F_z of the axle, at which only Pacejka's tires saturate.
+/// `stiffness_nprad` is one tire's K; `peak_n` is μ F_z of the axle, at which all but linear tires saturate.
 pub fn axle_force_n(model: TireModel, stiffness_nprad: f64, peak_n: f64, slip_rad: f64) -> f64 {
     let slope = 2.0 * stiffness_nprad;
     match model {
         TireModel::Linear => -slope * slip_rad,
+        TireModel::Dugoff => {
+            // λ = μ F_z / (2 · 2 K |α|); the force is linear while λ ≥ 1 and μ F_z (1 − λ / 2) below.
+            let linear_n = slope * slip_rad;
+            let twice_n = 2.0 * linear_n.abs();
+            if twice_n <= peak_n { -linear_n } else { (peak_n * (1.0 - 0.5 * peak_n / twice_n)).copysign(-slip_rad) }
+        }
         TireModel::Pacejka => {
             // F = −D sin(C atan(B α)) with D = μ F_z and B C D = 2 K.
             let b = slope / (PACEJKA_SHAPE * peak_n);
