@@ -169,7 +169,8 @@ impl Driver {
     pub fn new(setup: &DriverSetup, scene: Scene, lane: LaneIndex) -> Result<Self, ConfigError> {
         let nothing =
             ControlWeights { speed_ratio: setup.actions.change_speed_ratio, path_ratio: setup.actions.keep_path_ratio };
-        let braking = setup.control.braking(scene.road.adhesion());
+        let guard = Guard::new(setup.control, setup.vehicle, setup.control_period_s);
+        let braking = guard.braking(&scene);
         Ok(Self {
             scene,
             forecast: Forecast::default(),
@@ -181,7 +182,7 @@ impl Driver {
             plan_first: setup.plan_first,
             longitudinal: LongitudinalMpc::new(setup.control, setup.vehicle, setup.control_period_s),
             lateral: LateralMpc::new(setup.control, setup.vehicle, setup.control_period_s),
-            guard: Guard::new(setup.control, setup.vehicle, setup.control_period_s),
+            guard,
             control_period_s: setup.control_period_s,
             speed_max_mps: setup.control.speed_max_mps,
             activity: Activity::Keeping { accel_mps2: 0.0, weights: nothing },
@@ -259,6 +260,7 @@ impl Driver {
     /// Once a tick, before the decision: ends a lane change that has run its course and weighs both sides.
     pub fn consider(&mut self, lap: &mut impl FnMut(Part)) {
         self.finish_change();
+        self.braking = self.guard.braking(&self.scene);
         self.look_ahead();
         lap(Part::Forecast);
         if self.change().is_none() {
@@ -331,6 +333,9 @@ impl Driver {
         self.count_rungs(speed.rung, steer.rung);
         let wanted = ControlInput { accel_mps2: speed.accel_mps2, steer_rad: steer.steer_rad };
         let input = self.guarded_input(wanted);
+        self.longitudinal.sent(input.accel_mps2);
+        self.lateral.sent(input.steer_rad);
+        self.guard.sent(input);
         match &mut self.activity {
             Activity::Changing(change) => change.elapsed_steps += 1,
             Activity::Keeping { .. } => self.steps_since_change = self.steps_since_change.saturating_add(1),

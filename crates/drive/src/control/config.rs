@@ -4,12 +4,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, check_order, check_range};
 use crate::models::rss::Braking;
+use crate::road::Road;
 use crate::vehicle::tire::GRAVITY_MPS2;
 
 /// Most stages a controller may look ahead.
 pub const MAX_HORIZON: usize = 64;
 /// Share of μ g that full braking is trusted to reach.
 const USABLE_GRIP: f64 = 0.95;
+/// Time in which full braking is built up, with some to spare, s.
+const BUILD_UP_S: f64 = 1.0;
 
 /// What the heading is compared with in Eq. 26.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -87,6 +90,17 @@ pub struct ControlConfig {
     pub stability_l1_weight: f64,
     /// Quadratic slack weight of the stability bounds, 1/rad².
     pub stability_l2_weight: f64,
+    /// What the last stage of the lateral problem counts against the others: above 1 it stands for what lies beyond
+    /// the horizon. The paper has 1.
+    pub terminal_weight: f64,
+    /// Whether plans begin where the commands still on their way will have led, which matters only where the actuators
+    /// have a delay.
+    pub delay_compensation: bool,
+    /// Whether constant disturbances (side wind, bank, grade, an unknown mass) are estimated and compensated. Not in the
+    /// paper.
+    pub observer: bool,
+    /// Time constant of their estimates, s.
+    pub observer_time_s: f64,
     /// Control steps for which an earlier plan may stand in for a failed solve.
     pub shifted_plan_steps: u8,
     /// Whether the guard checks every command. The paper has none.
@@ -137,6 +151,10 @@ impl Default for ControlConfig {
             yaw_rate_factor: 0.85,
             stability_l1_weight: 2e4,
             stability_l2_weight: 1e6,
+            terminal_weight: 1.0,
+            delay_compensation: true,
+            observer: false,
+            observer_time_s: 0.5,
             shifted_plan_steps: 5,
             guard: true,
             emergency_brake_mps2: 8.0,
@@ -180,6 +198,19 @@ impl ControlConfig {
         }
     }
 
+    /// The same from `s_m` on at this speed: the ego counts with the lowest adhesion in reach of its brakes, a leader with
+    /// the road's own.
+    pub fn braking_on(&self, road: &Road, s_m: f64, speed_mps: f64) -> Braking {
+        let braking = self.braking(road.adhesion());
+        if road.is_uniform() {
+            return braking;
+        }
+        let reach_m =
+            speed_mps * (braking.reaction_s + BUILD_UP_S) + speed_mps * speed_mps / (2.0 * braking.max_brake_mps2);
+        let lowest = self.braking(road.lowest_adhesion(s_m, reach_m.max(0.0)));
+        Braking { max_brake_mps2: lowest.max_brake_mps2, ..braking }
+    }
+
     /// Checks every range.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.validate_limits()?;
@@ -220,6 +251,8 @@ impl ControlConfig {
         check_range("control.yaw_rate_factor", self.yaw_rate_factor, 0.1, 2.0)?;
         check_range("control.stability_l1_weight", self.stability_l1_weight, 0.0, 1e9)?;
         check_range("control.stability_l2_weight", self.stability_l2_weight, 1e-3, 1e9)?;
+        check_range("control.terminal_weight", self.terminal_weight, 1.0, 1e3)?;
+        check_range("control.observer_time_s", self.observer_time_s, 0.05, 60.0)?;
         check_range("control.shifted_plan_steps", f64::from(self.shifted_plan_steps), 0.0, 20.0)
     }
 

@@ -3,9 +3,11 @@
 //! If the wanted command would break the safe distance to *any* vehicle ahead in an occupied lane, or laterally so
 //! close that it may come into the way, the mildest braking that keeps it takes its place; if none does, full braking.
 //! Looking at the nearest leader alone is not enough: a fast near one hides a standing far one of the other lane, and
-//! two cars that swap lanes lose each other.
+//! two cars that swap lanes lose each other. Where the drive train has a delay, the step that counts is the one the
+//! command acts in: until then the car does what it was sent, while every leader may already brake in full.
 
 use crate::control::config::ControlConfig;
+use crate::control::delay::SentCommands;
 use crate::models::rss::{Braking, safe_gap_m};
 use crate::road::LaneIndex;
 use crate::scene::{Neighbor, Scene, VehicleId};
@@ -48,13 +50,24 @@ pub struct Guard {
     period_s: f64,
     drive_response: f64,
     steer_response: f64,
+    sent: SentCommands,
 }
 
-/// The ego after a control step under some acceleration command.
+/// The ego at a later instant.
+#[derive(Clone, Copy)]
 struct Next {
     travelled_m: f64,
     speed_mps: f64,
     accel_mps2: f64,
+}
+
+/// What one check is about.
+struct Seen<'a> {
+    scene: &'a Scene,
+    lanes: [Option<LaneIndex>; 2],
+    /// The ego when a command of now counts.
+    begin: &'a Next,
+    braking: &'a Braking,
 }
 
 impl Guard {
@@ -66,7 +79,13 @@ impl Guard {
             period_s: control_period_s,
             drive_response: lag_response(params.drive_lag_s, control_period_s),
             steer_response: lag_response(params.steer_lag_s, control_period_s),
+            sent: SentCommands::new(params.drive_delay_s, control_period_s),
         }
+    }
+
+    /// This command was sent; to be called once each control step where the drive train has a delay.
+    pub fn sent(&mut self, input: ControlInput) {
+        self.sent.push(input.accel_mps2);
     }
 
     /// The command to send, and why it is not `input`. `lanes`: those the ego is in, leaves or enters.
@@ -78,7 +97,7 @@ impl Guard {
         lanes: [Option<LaneIndex>; 2],
         input: ControlInput,
     ) -> (ControlInput, Option<GuardCause>) {
-        let braking = self.config.braking(scene.road.adhesion());
+        let braking = self.config.braking_on(&scene.road, scene.ego.s_m, scene.ego.speed_mps);
         if !is_finite(&scene.ego) || !input.accel_mps2.is_finite() || !input.steer_rad.is_finite() {
             return (self.refused(scene, input, &braking), Some(GuardCause::NotFinite));
         }
@@ -87,8 +106,10 @@ impl Guard {
         if !self.config.guard {
             return (limited, limits);
         }
-        let Some(id) = self.broken_by(scene, lanes, limited.accel_mps2, &braking) else { return (limited, limits) };
-        let (accel_mps2, full_brake) = self.mildest(scene, lanes, limited.accel_mps2, &braking);
+        let begin = self.past_delay(&scene.ego);
+        let seen = Seen { scene, lanes, begin: &begin, braking: &braking };
+        let Some(id) = self.broken_by(&seen, limited.accel_mps2) else { return (limited, limits) };
+        let (accel_mps2, full_brake) = self.mildest(&seen, limited.accel_mps2);
         (ControlInput { accel_mps2, ..limited }, Some(GuardCause::SafeDistance { id, full_brake }))
     }
 
@@ -104,7 +125,7 @@ impl Guard {
     /// `input` within what the actuators can do in this step.
     fn limited(&self, scene: &Scene, input: ControlInput) -> ControlInput {
         let (p, steer) = (&self.params, scene.ego.steer_rad);
-        let reach_rad = p.max_steer_rate_radps * self.period_s / self.steer_response;
+        let reach_rad = p.max_steer_rate_radps * (self.period_s / self.steer_response + p.steer_delay_s);
         ControlInput {
             accel_mps2: input.accel_mps2.clamp(-self.config.emergency_brake_mps2, p.max_accel_mps2),
             steer_rad: input
@@ -115,41 +136,32 @@ impl Guard {
     }
 
     /// The mildest level below the wanted command that keeps every safe distance, and whether it is full braking.
-    fn mildest(
-        &self,
-        scene: &Scene,
-        lanes: [Option<LaneIndex>; 2],
-        wanted_mps2: f64,
-        braking: &Braking,
-    ) -> (f64, bool) {
+    fn mildest(&self, seen: &Seen, wanted_mps2: f64) -> (f64, bool) {
+        let full_mps2 = -seen.braking.max_brake_mps2;
         for level in LEVELS_MPS2 {
-            let command = self.towards(&scene.ego, level, braking);
-            let milder = command < wanted_mps2 && level > -braking.max_brake_mps2;
-            if milder && self.broken_by(scene, lanes, command, braking).is_none() {
+            let command = self.towards(seen, level);
+            let milder = command < wanted_mps2 && level > full_mps2;
+            if milder && self.broken_by(seen, command).is_none() {
                 return (command, false);
             }
         }
-        (self.towards(&scene.ego, -braking.max_brake_mps2, braking), true)
+        (self.towards(seen, full_mps2), true)
     }
 
     /// The command that brings the acceleration to `level` as fast as the emergency jerk allows.
-    fn towards(&self, ego: &VehicleState, level: f64, braking: &Braking) -> f64 {
+    fn towards(&self, seen: &Seen, level: f64) -> f64 {
         let change = self.config.emergency_jerk_mps3 * self.period_s;
-        let next = level.clamp(ego.accel_mps2 - change, ego.accel_mps2 + change);
-        (ego.accel_mps2 + (next - ego.accel_mps2) / self.drive_response).clamp(-braking.max_brake_mps2, 0.0)
+        let now = seen.begin.accel_mps2;
+        let next = level.clamp(now - change, now + change);
+        (now + (next - now) / self.drive_response).clamp(-seen.braking.max_brake_mps2, 0.0)
     }
 
     /// The first vehicle to which the safe distance would be broken after this step.
-    fn broken_by(
-        &self,
-        scene: &Scene,
-        lanes: [Option<LaneIndex>; 2],
-        accel_mps2: f64,
-        braking: &Braking,
-    ) -> Option<VehicleId> {
-        let next = self.next(&scene.ego, accel_mps2);
+    fn broken_by(&self, seen: &Seen, accel_mps2: f64) -> Option<VehicleId> {
+        let next = self.next(seen.begin, accel_mps2, self.period_s);
+        let scene = seen.scene;
         let matters = |n: &Neighbor| {
-            lanes.into_iter().flatten().any(|lane| n.occupies(lane))
+            seen.lanes.into_iter().flatten().any(|lane| n.occupies(lane))
                 || n.occupies(scene.ego_lane)
                 || (n.d_m - scene.ego.d_m).abs() < self.config.guard_lateral_m
         };
@@ -158,34 +170,51 @@ impl Guard {
             .iter()
             .filter(|n| n.ahead_m > 0.0 && n.ahead_m < RANGE_M || n.ahead_m.is_nan())
             .filter(|n| matters(n))
-            .find(|n| !self.keeps(&next, n, scene.ego_length_m, braking))
+            .find(|n| !self.keeps(&next, n, scene.ego_length_m, seen.braking))
             .map(|n| n.id)
     }
 
-    /// Where a step under this command leads, the drive train's lag included.
-    fn next(&self, ego: &VehicleState, accel_mps2: f64) -> Next {
-        let (v, a) = (ego.road_speed_mps(), ego.accel_mps2);
-        let gained = accel_mps2 * self.period_s + (a - accel_mps2) * self.params.drive_lag_s * self.drive_response;
+    /// Where the commands on their way will have led when one of now counts.
+    fn past_delay(&self, ego: &VehicleState) -> Next {
+        let now = Next { travelled_m: 0.0, speed_mps: ego.road_speed_mps(), accel_mps2: ego.accel_mps2 };
+        self.sent.under_way().fold(now, |next, (time_s, command)| self.next(&next, command, time_s))
+    }
+
+    /// Where `time_s` under this command leads, the drive train's lag included.
+    fn next(&self, from: &Next, accel_mps2: f64, time_s: f64) -> Next {
+        let (v, a) = (from.speed_mps, from.accel_mps2);
+        let lag_s = self.params.drive_lag_s;
+        let response = lag_response(lag_s, time_s);
+        let gained = accel_mps2 * time_s + (a - accel_mps2) * lag_s * response;
         let speed_mps = (v + gained).max(0.0);
         Next {
-            travelled_m: 0.5 * (v + speed_mps) * self.period_s,
+            travelled_m: from.travelled_m + 0.5 * (v + speed_mps) * time_s,
             speed_mps,
-            accel_mps2: a + (accel_mps2 - a) * self.drive_response,
+            accel_mps2: a + (accel_mps2 - a) * response,
         }
     }
 
     /// Whether the safe distance holds after this step even if the leader brakes in full during it. False for NaN.
     fn keeps(&self, next: &Next, leader: &Neighbor, ego_length_m: f64, braking: &Braking) -> bool {
-        let leader_next = (leader.speed_mps - braking.leader_brake_mps2 * self.period_s).max(0.0);
-        let leader_travelled_m = 0.5 * (leader.speed_mps.max(0.0) + leader_next) * self.period_s;
+        let time_s = self.sent.delay_s() + self.period_s;
+        let leader_speed = leader.speed_mps.max(0.0);
+        let leader_next = (leader_speed - braking.leader_brake_mps2 * time_s).max(0.0);
+        let moving_s = time_s.min(leader_speed / braking.leader_brake_mps2);
+        let leader_travelled_m = 0.5 * (leader_speed + leader_next) * moving_s;
         let gap_m = leader.gap_m(ego_length_m) + leader_travelled_m - next.travelled_m;
         gap_m >= safe_gap_m(next.speed_mps, next.accel_mps2, leader_next, braking)
+    }
+
+    /// What the safe distance assumes here: the drive train's delay adds to the reaction.
+    pub fn braking(&self, scene: &Scene) -> Braking {
+        let braking = self.config.braking_on(&scene.road, scene.ego.s_m, scene.ego.speed_mps);
+        Braking { reaction_s: braking.reaction_s + self.params.drive_delay_s, ..braking }
     }
 
     /// Whether a lane change from `origin` to `target` should be given up: the target lane has become unsafe, the
     /// marking is not yet reached and the old lane is safe.
     pub fn abort_advised(&self, scene: &Scene, origin: LaneIndex, target: LaneIndex) -> bool {
-        let braking = self.config.braking(scene.road.adhesion());
+        let braking = self.braking(scene);
         let from_center_m = scene.ego.d_m - scene.road.lane_center_m(origin);
         from_center_m.abs() < self.config.abort_lateral_m
             && !lane_is_safe(scene, target, -ABORT_TOLERANCE_M, &braking)

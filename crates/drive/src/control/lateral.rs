@@ -7,18 +7,22 @@
 //! Departures from the paper: the model follows the planned speed along the horizon and is discretized by zero-order
 //! hold; steering lag, road curvature (with its steady steering angle and sideslip as references) and a small cost of Δδ
 //! are added. Cost and slack weights are divided by P_21, so that the slack weights mean the same at every q_2. At low
-//! speed R_2 falls and the reference is approached no more steeply than the car can go.
+//! speed R_2 falls and the reference is approached no more steeply than the car can go. By choice the plan begins where
+//! the commands on their way through the steering's delay will have led, constant disturbances are estimated and their
+//! steady states added to the references, so that they leave no offset, and the last stage weighs more.
 
 use std::sync::Arc;
 
 use lanecraft_qp::{Problem, Row, Solver, Start};
 
 use crate::control::config::{ControlConfig, HeadingReference, MAX_HORIZON};
+use crate::control::delay::SentCommands;
+use crate::control::observer::LateralObserver;
 use crate::control::verdict::{Rung, SolveSummary};
 use crate::scene::Scene;
 use crate::vehicle::bicycle::{DiscreteBicycle, steady_sideslip_rad, steady_steer_rad};
 use crate::vehicle::tire::{GRAVITY_MPS2, slip_angles_rad, slip_limits_rad};
-use crate::vehicle::{VehicleParams, VehicleState, lag_response};
+use crate::vehicle::{VehicleParams, VehicleState, lag_response, lagged};
 
 /// Where the car is to be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,6 +96,8 @@ const STEERING_SPEED_MPS: f64 = 0.5;
 const MODEL_SPEED_MAX_MPS: f64 = 60.0;
 /// Distance of the tabulated speeds, m/s: interpolated matrices are within 1e-4 of the exact ones from 15 m/s on.
 const MODEL_SPEED_STEP_MPS: f64 = 0.25;
+/// Below this speed the plant passes over to rolling without slip, which is no disturbance, m/s.
+const OBSERVED_SPEED_MIN_MPS: f64 = 10.0;
 /// Natural frequency of the critically damped feedback law, rad/s.
 const FEEDBACK_FREQUENCY_RADPS: f64 = 1.2;
 
@@ -105,6 +111,12 @@ pub struct LateralMpc {
     response: f64,
     /// The model at the tabulated speeds; clones share it.
     models: Arc<[DiscreteBicycle]>,
+    /// The same for the part of the steering's delay that is no whole control period; empty if there is none.
+    rest_models: Arc<[DiscreteBicycle]>,
+    sent: SentCommands,
+    observer: LateralObserver,
+    /// Where the plan begins: how long from now, s, and how far along the road, m.
+    start: (f64, f64),
     problem: Problem<5, 4>,
     solver: Solver<5, 4>,
     /// Control steps since the last solved plan.
@@ -128,11 +140,9 @@ impl LateralMpc {
     pub fn new(config: &ControlConfig, params: &VehicleParams, control_period_s: f64) -> Self {
         let horizon = usize::from(config.lateral_horizon);
         let response = lag_response(params.steer_lag_s, control_period_s);
-        let points = ((MODEL_SPEED_MAX_MPS - MODEL_SPEED_MIN_MPS) / MODEL_SPEED_STEP_MPS) as u32 + 1;
-        let models = (0..points)
-            .map(|i| MODEL_SPEED_MIN_MPS + f64::from(i) * MODEL_SPEED_STEP_MPS)
-            .map(|speed_mps| DiscreteBicycle::new(params, speed_mps, control_period_s))
-            .collect();
+        let delay_s = if config.delay_compensation { params.steer_delay_s } else { 0.0 };
+        let sent = SentCommands::new(delay_s, control_period_s);
+        let rest_models = if sent.rest_s() > 0.0 { models(params, sent.rest_s()) } else { Arc::default() };
         let mut problem = Problem::new(horizon);
         // With lag the rate is highest at the start of a step, Δδ / (T (1 − e^(−h/T))).
         let change_rad = params.max_steer_rate_radps
@@ -143,7 +153,11 @@ impl LateralMpc {
             params: params.clone(),
             period_s: control_period_s,
             response,
-            models,
+            models: models(params, control_period_s),
+            rest_models,
+            sent,
+            observer: LateralObserver::new(config.observer_time_s, control_period_s),
+            start: (0.0, 0.0),
             problem,
             solver: Solver::new(horizon),
             plan_age: usize::MAX,
@@ -166,11 +180,16 @@ impl LateralMpc {
         let ego = &scene.ego;
         if ego.speed_mps < STEERING_SPEED_MPS {
             self.plan_age = usize::MAX;
+            self.observer.interrupt();
+            self.problem.initial_state[4] = ego.steer_rad;
             let solve = SolveSummary { solved: true, ..SolveSummary::default() };
             return self.answer(scene, Rung::Solved, 0.0, solve);
         }
-        self.problem.initial_state =
-            [ego.d_m, ego.lateral_speed_mps, ego.heading_rad, ego.yaw_rate_radps, ego.steer_rad];
+        let state = [ego.d_m, ego.lateral_speed_mps, ego.heading_rad, ego.yaw_rate_radps, ego.steer_rad];
+        if self.config.observer {
+            self.observe(&state, ego.speed_mps);
+        }
+        self.begin(scene, state);
         self.set_stages(scene, reference, speeds_mps, path_ratio);
         let start = if self.plan_age == 0 { Start::Shifted(1) } else { Start::Cold };
         let solve = SolveSummary::new(&self.solver.solve(&self.problem, start));
@@ -186,31 +205,87 @@ impl LateralMpc {
         self.answer(scene, rung, change_rad, solve)
     }
 
+    /// The steering is sent this command in place of the one of the last plan.
+    pub fn sent(&mut self, steer_rad: f64) {
+        self.sent.amend(steer_rad);
+    }
+
+    fn observe(&mut self, state: &[f64; 5], speed_mps: f64) {
+        if (OBSERVED_SPEED_MIN_MPS..=MODEL_SPEED_MAX_MPS).contains(&speed_mps) {
+            let model = interpolated(&self.models, speed_mps);
+            self.observer.observe(state, &model);
+        } else {
+            self.observer.interrupt();
+        }
+    }
+
+    /// Sets the plan's initial state: `state`, moved on by the commands on their way.
+    fn begin(&mut self, scene: &Scene, mut state: [f64; 5]) {
+        let (ego, p) = (&scene.ego, &self.params);
+        let speed_mps = ego.speed_mps.clamp(MODEL_SPEED_MIN_MPS, MODEL_SPEED_MAX_MPS);
+        let mut s_m = ego.s_m;
+        for (time_s, command) in self.sent.under_way() {
+            let table = if time_s < self.period_s { &self.rest_models } else { &self.models };
+            let model = interpolated(table, speed_mps);
+            let target = command.clamp(-p.max_steer_rad, p.max_steer_rad);
+            let change = lagged(state[4], target, p.steer_lag_s, p.max_steer_rate_radps, time_s) - state[4];
+            let turned = scene.road.curvature_radpm(s_m) * speed_mps * time_s;
+            let from_outside = [-0.5 * turned * speed_mps * time_s, 0.0, -turned, 0.0, 0.0];
+            let [lateral, yaw] = self.observer.estimate();
+            let last = state;
+            for i in 0..5 {
+                let moved: f64 = model.a[i].iter().zip(&last).map(|(a, x)| a * x).sum();
+                let disturbed = model.disturbance[i][0] * lateral + model.disturbance[i][1] * yaw;
+                state[i] = moved + model.b[i] * change + from_outside[i] + disturbed;
+            }
+            s_m += speed_mps * time_s;
+        }
+        self.start = (self.sent.delay_s(), s_m);
+        self.problem.initial_state = state;
+    }
+
     fn set_stages(&mut self, scene: &Scene, reference: LateralReference<'_>, speeds_mps: &[f64], path_ratio: f64) {
         let steer_cost = 1.0 / path_ratio.clamp(PATH_RATIO_RANGE.0, PATH_RATIO_RANGE.1);
-        let limits = self.limits(scene.road.adhesion());
+        let mut limits = self.limits(scene.road.adhesion());
         let slope = self.config.heading_reference == HeadingReference::Slope;
-        let mut s_m = scene.ego.s_m;
+        let (start_s, mut s_m) = self.start;
+        let start_m = self.problem.initial_state[0];
+        let (held_steer_rad, steady_lateral_mps) = self.held_against_disturbance(scene.ego.speed_mps);
         let mut reach_m = 0.0;
-        for k in 0..self.problem.stages.len() {
-            let speed_mps = self.speed_at(k as f64 * self.period_s, speeds_mps, scene.ego.speed_mps);
+        let horizon = self.problem.stages.len();
+        for k in 0..horizon {
+            let speed_mps = self.speed_at(start_s + k as f64 * self.period_s, speeds_mps, scene.ego.speed_mps);
             let curvature = scene.road.curvature_radpm(s_m);
+            if !scene.road.is_uniform() {
+                limits = self.limits(scene.road.adhesion_at(s_m));
+            }
             s_m += speed_mps * self.period_s;
             self.set_model(k, speed_mps, curvature);
             self.set_limits(k, speed_mps, &limits);
-            let (d_m, rate_mps) = reference.at((k + 1) as f64 * self.period_s);
+            let (d_m, rate_mps) = reference.at(start_s + (k + 1) as f64 * self.period_s);
             reach_m += SLOPE_MAX * speed_mps * self.period_s;
-            let d_m = within(d_m, scene.ego.d_m, reach_m);
+            let d_m = within(d_m, start_m, reach_m);
             let rate_mps = within(rate_mps, 0.0, SLOPE_MAX * speed_mps);
             let heading = if slope { rate_mps / speed_mps } else { 0.0 }
-                - steady_sideslip_rad(&self.params, speed_mps, curvature);
+                - steady_sideslip_rad(&self.params, speed_mps, curvature)
+                - steady_lateral_mps / speed_mps;
             let slow = (speed_mps / STEER_COST_SPEED_MPS).min(1.0);
             let steer_cost = steer_cost * slow * slow;
+            let steady_steer_rad = steady_steer_rad(&self.params, speed_mps, curvature) + held_steer_rad;
+            let share = if k + 1 == horizon { self.config.terminal_weight } else { 1.0 };
             let stage = &mut self.problem.stages[k];
-            stage.state_weight = [POSITION_TO_HEADING, 0.0, 1.0, 0.0, steer_cost];
-            stage.state_reference = [d_m, 0.0, heading, 0.0, steady_steer_rad(&self.params, speed_mps, curvature)];
+            stage.state_weight = [share * POSITION_TO_HEADING, 0.0, share, 0.0, share * steer_cost];
+            stage.state_reference = [d_m, 0.0, heading, 0.0, steady_steer_rad];
             stage.input_weight = steer_cost * self.config.steer_change_weight;
         }
+    }
+
+    /// Road-wheel angle, rad, and lateral speed, m/s, that the estimated disturbance asks for.
+    fn held_against_disturbance(&self, speed_mps: f64) -> (f64, f64) {
+        if !self.config.observer {
+            return (0.0, 0.0);
+        }
+        self.observer.steady(&self.params, speed_mps.clamp(OBSERVED_SPEED_MIN_MPS, MODEL_SPEED_MAX_MPS))
     }
 
     /// The profile's speed at `time_s`, within the model's range.
@@ -227,10 +302,7 @@ impl LateralMpc {
 
     /// Dynamics of stage `k`: the table's matrices, interpolated, and the turning of the road under the car.
     fn set_model(&mut self, k: usize, speed_mps: f64, curvature: f64) {
-        let position = (speed_mps - MODEL_SPEED_MIN_MPS) / MODEL_SPEED_STEP_MPS;
-        let before = (position as usize).min(self.models.len() - 2);
-        let share = position - before as f64;
-        let (low, high) = (&self.models[before], &self.models[before + 1]);
+        let (low, high, share) = between(&self.models, speed_mps);
         let stage = &mut self.problem.stages[k];
         for i in 0..5 {
             for j in 0..5 {
@@ -240,6 +312,12 @@ impl LateralMpc {
         }
         let turned = curvature * speed_mps * self.period_s;
         stage.c = [-0.5 * turned * speed_mps * self.period_s, 0.0, -turned, 0.0, 0.0];
+        if self.config.observer {
+            let [lateral, yaw] = self.observer.estimate();
+            for (c, response) in stage.c.iter_mut().zip(&low.disturbance) {
+                *c += response[0] * lateral + response[1] * yaw;
+            }
+        }
     }
 
     /// Soft bounds of stage `k`. The front slip is bounded at the step's start, just after the wheel has turned: it is
@@ -250,14 +328,16 @@ impl LateralMpc {
         let stage = &mut self.problem.stages[k];
         let (a, b) = (&stage.a, &stage.b);
         let row = |state, input, bound: f64| Row { state, input, lower: -bound, upper: bound, l1_weight, l2_weight };
+        let past = |row: Row<5>, added: f64| Row { lower: row.lower - added, upper: row.upper - added, ..row };
+        let c = &stage.c;
         let mut rear = [0.0; 5];
         for (j, coefficient) in rear.iter_mut().enumerate() {
             *coefficient = a[1][j] / speed_mps - lr * a[3][j];
         }
         stage.rows = [
-            row(a[3], b[3], limits.yaw_accel_mps2 / speed_mps),
+            past(row(a[3], b[3], limits.yaw_accel_mps2 / speed_mps), c[3]),
             row([0.0, 1.0 / speed_mps, 0.0, lf, -1.0], -1.0, limits.front_slip_rad),
-            row(rear, b[1] / speed_mps - lr * b[3], limits.rear_slip_rad),
+            past(row(rear, b[1] / speed_mps - lr * b[3], limits.rear_slip_rad), c[1] / speed_mps - lr * c[3]),
             row([0.0, 0.0, 0.0, 0.0, 1.0], 1.0, self.params.max_steer_rad),
         ];
         if !self.config.stability_constraints {
@@ -285,7 +365,7 @@ impl LateralMpc {
             return (Rung::ShiftedPlan, self.planned_changes_rad[self.plan_age]);
         }
         let wanted = self.feedback_steer_rad(scene, reference);
-        let change = wanted - scene.ego.steer_rad;
+        let change = wanted - self.problem.initial_state[4];
         if change.is_finite() {
             (Rung::FeedbackLaw, change.clamp(self.problem.input_min, self.problem.input_max))
         } else {
@@ -301,20 +381,23 @@ impl LateralMpc {
         let (d_m, rate_mps) = reference.at(0.0);
         let w = FEEDBACK_FREQUENCY_RADPS;
         let accel = w * w * (d_m - ego.d_m) + 2.0 * w * (rate_mps - ego.road_lateral_speed_mps());
-        let most = self.limits(scene.road.adhesion()).yaw_accel_mps2;
+        let most = self.limits(scene.road.adhesion_at(ego.s_m)).yaw_accel_mps2;
         let curvature =
             scene.road.curvature_radpm(ego.s_m) + accel.clamp(-0.5 * most, 0.5 * most) / (speed_mps * speed_mps);
-        steady_steer_rad(&self.params, speed_mps, curvature)
+        steady_steer_rad(&self.params, speed_mps, curvature) + self.held_against_disturbance(speed_mps).0
     }
 
     /// The command that turns the wheel by `change_rad` in one control period, through its lag.
     fn answer(&mut self, scene: &Scene, rung: Rung, change_rad: f64, solve: SolveSummary) -> SteerPlan {
         let ego = &scene.ego;
-        let now_rad = if ego.steer_rad.is_finite() { ego.steer_rad } else { self.last_steer_rad };
+        // Where the wheel will be when the command reaches it.
+        let then_rad = self.problem.initial_state[4];
+        let now_rad = if then_rad.is_finite() { then_rad } else { self.last_steer_rad };
         let most = self.params.max_steer_rad;
         let steer_rad = (now_rad + change_rad / self.response).clamp(-most, most);
         self.last_steer_rad = (now_rad + change_rad).clamp(-most, most);
-        let (front_slip_use, rear_slip_use, yaw_rate_use) = self.grip_use(ego, scene.road.adhesion());
+        self.sent.push(steer_rad);
+        let (front_slip_use, rear_slip_use, yaw_rate_use) = self.grip_use(ego, scene.road.adhesion_at(ego.s_m));
         SteerPlan { steer_rad, rung, solve, front_slip_use, rear_slip_use, yaw_rate_use }
     }
 
@@ -326,6 +409,38 @@ impl LateralMpc {
         let yaw_limit = adhesion * GRAVITY_MPS2 / speed_mps;
         (front.abs() / front_limit, rear.abs() / rear_limit, ego.yaw_rate_radps.abs() / yaw_limit)
     }
+}
+
+/// The models at the tabulated speeds.
+fn models(params: &VehicleParams, step_s: f64) -> Arc<[DiscreteBicycle]> {
+    let points = ((MODEL_SPEED_MAX_MPS - MODEL_SPEED_MIN_MPS) / MODEL_SPEED_STEP_MPS) as u32 + 1;
+    (0..points)
+        .map(|i| MODEL_SPEED_MIN_MPS + f64::from(i) * MODEL_SPEED_STEP_MPS)
+        .map(|speed_mps| DiscreteBicycle::new(params, speed_mps, step_s))
+        .collect()
+}
+
+/// The models of the tabulated speeds beside `speed_mps`, and how far it lies from the first to the second.
+fn between(models: &[DiscreteBicycle], speed_mps: f64) -> (&DiscreteBicycle, &DiscreteBicycle, f64) {
+    let position = (speed_mps - MODEL_SPEED_MIN_MPS) / MODEL_SPEED_STEP_MPS;
+    let before = (position as usize).min(models.len() - 2);
+    (&models[before], &models[before + 1], position - before as f64)
+}
+
+/// The model at `speed_mps`.
+fn interpolated(models: &[DiscreteBicycle], speed_mps: f64) -> DiscreteBicycle {
+    let (low, high, share) = between(models, speed_mps);
+    let mut model = *low;
+    for i in 0..5 {
+        for j in 0..5 {
+            model.a[i][j] += share * (high.a[i][j] - low.a[i][j]);
+        }
+        for j in 0..2 {
+            model.disturbance[i][j] += share * (high.disturbance[i][j] - low.disturbance[i][j]);
+        }
+        model.b[i] += share * (high.b[i] - low.b[i]);
+    }
+    model
 }
 
 /// `value`, or the end of `center ± reach` that is nearest to it; NaN stays NaN, for the solver to refuse.

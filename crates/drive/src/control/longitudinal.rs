@@ -9,17 +9,21 @@
 //! only sees what is ahead, at a_ref = 0: otherwise a plan puts off the approach to a leader to its own end, for ever.
 //! The acceleration is that after the drive train, whose lag is inverted exactly in the command. The safe distance is
 //! quadratic in the speed and is linearized about the speeds of the plan before. A car that stands with no room ahead
-//! is held without a solve.
+//! is held without a solve. By choice the plan begins where the commands on their way through the drive train's delay
+//! will have led, and a constant disturbance (a grade) and an offset of the drive train (an unknown mass) are
+//! estimated and compensated. The adhesion that counts is the lowest within reach of the brakes.
 
 use lanecraft_qp::{Problem, Row, Solver, Start};
 
 use crate::control::config::{ControlConfig, MAX_HORIZON};
+use crate::control::delay::SentCommands;
+use crate::control::observer::SpeedObserver;
 use crate::control::verdict::{Rung, SolveSummary};
 use crate::models::rss::{Braking, safe_gap};
 use crate::predict::Forecast;
 use crate::road::LaneIndex;
 use crate::scene::{Neighbor, Scene};
-use crate::vehicle::{VehicleParams, lag_response};
+use crate::vehicle::{VehicleParams, lag_response, lagged};
 
 /// What the decision asks of the speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,11 +80,16 @@ pub struct LongitudinalMpc {
     period_s: f64,
     /// Share of the way to its command that the drive train covers in a control period.
     response: f64,
+    drive_lag_s: f64,
+    sent: SentCommands,
+    observer: SpeedObserver,
     problem: Problem<3, 4>,
     solver: Solver<3, 4>,
     plan: LastPlan,
     /// Lowest acceleration on this road: the controller's own limit, or what the adhesion leaves, m/s².
     lowest_mps2: f64,
+    /// Lowest speed of the plan, m/s.
+    speed_lower_mps: f64,
 }
 
 /// The last solved plan.
@@ -98,10 +107,14 @@ impl LongitudinalMpc {
     /// A controller for this car; both must be valid. `control_period_s`: time between two calls of [`Self::plan`].
     pub fn new(config: &ControlConfig, params: &VehicleParams, control_period_s: f64) -> Self {
         let horizon = usize::from(config.longitudinal_horizon);
+        let delay_s = if config.delay_compensation { params.drive_delay_s } else { 0.0 };
         let mut mpc = Self {
             config: config.clone(),
             period_s: control_period_s,
             response: lag_response(params.drive_lag_s, control_period_s),
+            drive_lag_s: params.drive_lag_s,
+            sent: SentCommands::new(delay_s, control_period_s),
+            observer: SpeedObserver::new(config.observer_time_s, control_period_s, params.drive_lag_s),
             problem: Problem::new(horizon),
             solver: Solver::new(horizon),
             plan: LastPlan {
@@ -111,6 +124,7 @@ impl LongitudinalMpc {
                 accel_mps2: 0.0,
             },
             lowest_mps2: config.accel_min_mps2,
+            speed_lower_mps: if config.speed_floor { config.speed_min_mps } else { 0.0 },
         };
         mpc.set_constants();
         mpc
@@ -121,10 +135,10 @@ impl LongitudinalMpc {
         let config = &self.config;
         let h = config.longitudinal_step_s;
         (self.problem.input_min, self.problem.input_max) = (-config.jerk_max_mps3, config.jerk_max_mps3);
-        let floor = if config.speed_floor {
-            (config.speed_min_mps, 0.01 * config.spacing_l1_weight, 0.01 * config.spacing_l2_weight)
+        let floor_weights = if config.speed_floor {
+            (0.01 * config.spacing_l1_weight, 0.01 * config.spacing_l2_weight)
         } else {
-            (0.0, config.limit_l1_weight, config.limit_l2_weight)
+            (config.limit_l1_weight, config.limit_l2_weight)
         };
         for stage in &mut self.problem.stages {
             stage.a = [[1.0, h, 0.5 * h * h], [0.0, 1.0, h], [0.0, 0.0, 1.0]];
@@ -134,10 +148,10 @@ impl LongitudinalMpc {
             stage.rows[SPEED] = Row {
                 state: stage.a[1],
                 input: stage.b[1],
-                lower: floor.0,
+                lower: self.speed_lower_mps,
                 upper: f64::INFINITY,
-                l1_weight: floor.1,
-                l2_weight: floor.2,
+                l1_weight: floor_weights.0,
+                l2_weight: floor_weights.1,
             };
             stage.rows[ACCEL] = Row {
                 state: stage.a[2],
@@ -158,13 +172,16 @@ impl LongitudinalMpc {
     ///
     /// Answers on every input: what cannot be solved goes down the ladder of [`Rung`].
     pub fn plan(&mut self, scene: &Scene, forecast: &Forecast, goal: &SpeedGoal, speed_ratio: f64) -> SpeedPlan {
-        let speed_mps = scene.ego.road_speed_mps();
-        let accel_mps2 = scene.ego.accel_mps2;
-        if self.stays(scene, goal, speed_mps) {
+        let now_mps = scene.ego.road_speed_mps();
+        if self.stays(scene, goal, now_mps) {
             return self.hold();
         }
-        self.problem.initial_state = [0.0, speed_mps, accel_mps2];
-        self.lowest_mps2 = self.config.accel_min_mps2.max(-self.config.braking(scene.road.adhesion()).max_brake_mps2);
+        self.lowest_mps2 = self.lowest_on(scene, now_mps);
+        if self.config.observer {
+            let limits = (self.lowest_mps2, self.config.accel_max_mps2);
+            self.observer.observe(now_mps, scene.ego.accel_mps2, &self.sent, limits);
+        }
+        let [_, speed_mps, accel_mps2] = self.begin(now_mps, scene.ego.accel_mps2);
         self.set_goal(goal, speed_ratio, speed_mps);
         self.set_spacing(scene, forecast, goal, speed_mps);
         let start = if self.plan.age == 0 { Start::Shifted(0) } else { Start::Cold };
@@ -176,6 +193,39 @@ impl LongitudinalMpc {
             self.fall_back(scene, goal)
         };
         self.answer(speed_mps, accel_mps2, jerk_mps3, rung, summary)
+    }
+
+    /// The drive train is sent this command in place of the one of the last plan.
+    pub fn sent(&mut self, accel_mps2: f64) {
+        self.sent.amend(accel_mps2);
+    }
+
+    /// Lowest acceleration that the road ahead allows, m/s².
+    fn lowest_on(&self, scene: &Scene, speed_mps: f64) -> f64 {
+        let braking = self.config.braking_on(&scene.road, scene.ego.s_m, speed_mps);
+        self.config.accel_min_mps2.max(-braking.max_brake_mps2)
+    }
+
+    /// Sets the plan's initial state: distance from here, speed and acceleration when a command of now will count.
+    fn begin(&mut self, mut speed: f64, mut accel: f64) -> [f64; 3] {
+        let mut travelled = 0.0;
+        let outside = self.observer.accel_mps2();
+        for (time_s, command) in self.sent.under_way() {
+            let target = command + self.observer.drive_mps2();
+            let gained = target * time_s + (accel - target) * self.drive_lag_s * lag_response(self.drive_lag_s, time_s);
+            let next = speed + gained + outside * time_s;
+            // Written so that NaN gets in, for the solver to refuse.
+            let next = if next < 0.0 { 0.0 } else { next };
+            travelled += 0.5 * (speed + next) * time_s;
+            speed = next;
+            accel = lagged(accel, target, self.drive_lag_s, f64::INFINITY, time_s);
+        }
+        let h = self.config.longitudinal_step_s;
+        for stage in &mut self.problem.stages {
+            stage.c = [0.5 * h * h * outside, h * outside, 0.0];
+        }
+        self.problem.initial_state = [travelled, speed, accel];
+        self.problem.initial_state
     }
 
     /// Whether the car stands with no room ahead: every limit of the problem meets in that point, and there is nothing
@@ -193,6 +243,8 @@ impl LongitudinalMpc {
     fn hold(&mut self) -> SpeedPlan {
         self.plan.age = usize::MAX;
         self.plan.accel_mps2 = 0.0;
+        self.sent.push(STANDING_BRAKE_MPS2);
+        self.observer.interrupt();
         SpeedPlan {
             accel_mps2: STANDING_BRAKE_MPS2,
             jerk_mps3: 0.0,
@@ -208,11 +260,14 @@ impl LongitudinalMpc {
         for (k, stage) in self.problem.stages.iter_mut().enumerate() {
             let tail = k >= pursued;
             let (ratio, reference_mps2) = if tail { (0.0, 0.0) } else { (speed_ratio, goal.reference_accel_mps2) };
+            // The tires push for the decision and against what acts from outside.
+            let reference_mps2 = reference_mps2 - self.observer.accel_mps2();
             stage.state_weight = [0.0, ratio, 1.0];
             stage.state_reference = [0.0, goal.target_speed_mps, reference_mps2];
             let time_s = (k + 1) as f64 * config.longitudinal_step_s;
             stage.rows[ACCEL].lower = self.lowest_mps2;
-            stage.rows[SPEED].upper = config.speed_max_mps.max(speed_mps - SPEED_RETURN_MPS2 * time_s);
+            stage.rows[SPEED].upper = config.speed_max_mps.max(speed_mps - SPEED_RETURN_MPS2 * time_s) - stage.c[1];
+            stage.rows[SPEED].lower = self.speed_lower_mps - stage.c[1];
         }
     }
 
@@ -235,22 +290,26 @@ impl LongitudinalMpc {
     fn bound_by_leader(&mut self, leader: &Neighbor, forecast: &Forecast, index: usize, scene: &Scene, speed_mps: f64) {
         let config = &self.config;
         let bumpers_m = 0.5 * (leader.length_m + scene.ego_length_m);
-        let braking = config.braking(scene.road.adhesion());
+        let braking = config.braking_on(&scene.road, scene.ego.s_m, speed_mps);
+        let delay_s = self.sent.delay_s();
+        let braking = Braking { reaction_s: braking.reaction_s + delay_s, ..braking };
         let headway_s = config.spacing_headway_s;
         let spacing_m = config.spacing_min_m + headway_s * speed_mps;
         let lost_m = (spacing_m - (leader.ahead_m - bumpers_m)).max(0.0);
         let guessed = self.plan.age == 0 && (self.plan.speeds_mps[0] - speed_mps).abs() < GUESS_TOLERANCE_MPS;
         for (k, stage) in self.problem.stages.iter_mut().enumerate() {
             let time_s = (k + 1) as f64 * config.longitudinal_step_s;
-            let then = forecast.at(index, time_s);
+            let then = forecast.at(index, delay_s + time_s);
             let free_m = then.ahead_m - bumpers_m;
             let forgiven_m = lost_m * (1.0 - time_s / config.spacing_recovery_s).max(0.0);
             let bound_m = free_m - config.spacing_min_m + forgiven_m;
             let guess_mps = if guessed { self.plan.speeds_mps[k + 1] } else { speed_mps };
-            tighten(&mut stage.rows[SPACING], (&stage.a, &stage.b), (headway_s, bound_m), guess_mps);
+            let added_m = stage.c[0] + headway_s * stage.c[1];
+            tighten(&mut stage.rows[SPACING], (&stage.a, &stage.b), (headway_s, bound_m - added_m), guess_mps);
             if config.safe_spacing {
                 let (slope_s, at_rest_m) = safe_line(guess_mps, then.speed_mps, &braking);
-                let bound_m = free_m - config.safe_spacing_extra_m - at_rest_m;
+                let added_m = stage.c[0] + slope_s * stage.c[1];
+                let bound_m = free_m - config.safe_spacing_extra_m - at_rest_m - added_m;
                 tighten(&mut stage.rows[SAFETY], (&stage.a, &stage.b), (slope_s, bound_m), guess_mps);
             }
         }
@@ -275,8 +334,7 @@ impl LongitudinalMpc {
     /// The ladder below the optimum: a rung and a jerk.
     fn fall_back(&mut self, scene: &Scene, goal: &SpeedGoal) -> (Rung, f64) {
         let config = &self.config;
-        let ego = &scene.ego;
-        let (v, a) = (ego.road_speed_mps(), ego.accel_mps2);
+        let [_, v, a] = self.problem.initial_state;
         self.plan.age = self.plan.age.saturating_add(1);
         if !v.is_finite() {
             return (Rung::FullBrake, -config.emergency_jerk_mps3);
@@ -298,6 +356,7 @@ impl LongitudinalMpc {
     fn feedback_accel_mps2(&self, scene: &Scene, goal: &SpeedGoal, v: f64) -> f64 {
         let config = &self.config;
         let t = FEEDBACK_PREVIEW_S;
+        let outside = self.observer.accel_mps2();
         let mut accel = goal.reference_accel_mps2;
         let mut cut = |bound: f64| accel = if bound < accel || bound.is_nan() { bound } else { accel };
         cut((config.speed_max_mps - v) / t);
@@ -307,7 +366,7 @@ impl LongitudinalMpc {
                 cut(2.0 * (spare_m + (leader.speed_mps - v) * t) / (t * t));
             }
         }
-        if accel.is_nan() { accel } else { accel.clamp(self.lowest_mps2, config.accel_max_mps2) }
+        if accel.is_nan() { accel } else { (accel - outside).clamp(self.lowest_mps2, config.accel_max_mps2) }
     }
 
     /// The command that gives the car the planned jerk for one control period.
@@ -318,8 +377,9 @@ impl LongitudinalMpc {
         let command = if rung == Rung::FullBrake {
             -config.emergency_brake_mps2
         } else {
-            (now + jerk * self.period_s / self.response).clamp(lowest, highest)
+            (now + jerk * self.period_s / self.response - self.observer.drive_mps2()).clamp(lowest, highest)
         };
+        self.sent.push(command);
         self.plan.accel_mps2 = (now + jerk * self.period_s).clamp(lowest, highest);
         let speeds_mps = if rung == Rung::Solved {
             self.plan.speeds_mps

@@ -1,9 +1,11 @@
 //! The two model-predictive controllers, their limits, fall-backs and the guard behind them.
 
 mod config;
+mod delay;
 mod guard;
 mod lateral;
 mod longitudinal;
+mod observer;
 #[cfg(test)]
 mod tests;
 mod verdict;
