@@ -11,6 +11,8 @@ mod state;
 #[cfg(test)]
 mod tests;
 pub mod tire;
+#[cfg(test)]
+mod validity;
 
 pub(crate) use actuator::{lag_response, lagged};
 pub use car::{ExternalPlant, Plant, SingleTrack};

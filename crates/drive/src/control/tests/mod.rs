@@ -1,5 +1,6 @@
 //! Both controllers, the guard and the plant in a closed loop.
 
+mod disturbance;
 mod guard;
 mod ladder;
 mod lateral;
