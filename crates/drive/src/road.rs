@@ -281,6 +281,17 @@ impl Road {
         self.piecewise(&self.config.grade, s_m, |point| (point.s_m, point.grade))
     }
 
+    /// Steepest way down from `s_m` on for `range_m`, m/m, at least 0.
+    pub fn steepest_descent(&self, s_m: f64, range_m: f64) -> f64 {
+        if self.config.grade.is_empty() {
+            return 0.0;
+        }
+        // Between its points the grade is linear: its extremes lie at points or at the ends.
+        let ends = -self.grade(s_m).min(self.grade(s_m + range_m));
+        let points = self.config.grade.iter().filter(|point| (0.0..=range_m).contains(&self.past_m(s_m, point.s_m)));
+        points.fold(ends.max(0.0), |steepest, point| steepest.max(-point.grade))
+    }
+
     /// Bank at `s_m`, rad, positive where the left side is the higher one.
     pub fn bank_rad(&self, s_m: f64) -> f64 {
         self.piecewise(&self.config.bank, s_m, |point| (point.s_m, point.bank_rad))
@@ -359,6 +370,18 @@ mod tests {
             [open.adhesion_at(10.0), open.adhesion_at(1010.0), open.lowest_adhesion(1060.0, 1e3)],
             [0.85, 0.2, 0.85]
         );
+    }
+
+    #[test]
+    fn the_steepest_descent_is_that_within_reach() {
+        let grade = [(0.0, 0.02), (400.0, 0.02), (500.0, -0.04), (600.0, 0.0)]
+            .map(|(s_m, grade)| GradePoint { s_m, grade })
+            .to_vec();
+        let road = Road::new(RoadConfig { grade, ..RoadConfig::default() }).expect("valid");
+        assert_eq!(road.steepest_descent(0.0, 400.0), 0.0);
+        assert!((road.steepest_descent(300.0, 150.0) - 0.01).abs() < 1e-12);
+        assert_eq!(road.steepest_descent(300.0, 300.0), 0.04);
+        assert!((road.steepest_descent(550.0, 100.0) - 0.02).abs() < 1e-12);
     }
 
     #[test]

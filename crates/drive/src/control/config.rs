@@ -13,6 +13,8 @@ pub const MAX_HORIZON: usize = 64;
 const USABLE_GRIP: f64 = 0.95;
 /// Time in which full braking is built up, with some to spare, s.
 const BUILD_UP_S: f64 = 1.0;
+/// Least braking that is counted on, m/s²: below it a stop is beyond any look-ahead.
+const BRAKE_MIN_MPS2: f64 = 0.2;
 
 /// What the heading is compared with in Eq. 26.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -121,6 +123,17 @@ pub struct ControlConfig {
     pub abort_lateral_m: f64,
 }
 
+/// What the brakes can do on the road ahead.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Footing {
+    /// What the safe distance assumes, the descent taken off.
+    pub braking: Braking,
+    /// What may be asked of the tires, m/s² (positive).
+    pub tire_brake_mps2: f64,
+    /// What the descent adds to the acceleration at most, m/s².
+    pub descent_mps2: f64,
+}
+
 impl Default for ControlConfig {
     fn default() -> Self {
         Self {
@@ -198,17 +211,20 @@ impl ControlConfig {
         }
     }
 
-    /// The same from `s_m` on at this speed: the ego counts with the lowest adhesion in reach of its brakes, a leader with
-    /// the road's own.
-    pub fn braking_on(&self, road: &Road, s_m: f64, speed_mps: f64) -> Braking {
+    /// The same from `s_m` on at this speed: the ego counts with the lowest adhesion and the steepest descent in reach of
+    /// its brakes, a leader with the road's own adhesion.
+    pub fn braking_on(&self, road: &Road, s_m: f64, speed_mps: f64) -> Footing {
         let braking = self.braking(road.adhesion());
-        if road.is_uniform() {
-            return braking;
+        if road.is_uniform() && road.config().grade.is_empty() {
+            return Footing { braking, tire_brake_mps2: braking.max_brake_mps2, descent_mps2: 0.0 };
         }
-        let reach_m =
-            speed_mps * (braking.reaction_s + BUILD_UP_S) + speed_mps * speed_mps / (2.0 * braking.max_brake_mps2);
-        let lowest = self.braking(road.lowest_adhesion(s_m, reach_m.max(0.0)));
-        Braking { max_brake_mps2: lowest.max_brake_mps2, ..braking }
+        let braked_m = speed_mps * speed_mps / (2.0 * braking.max_brake_mps2);
+        let reach_m = (speed_mps * (braking.reaction_s + BUILD_UP_S) + braked_m).max(0.0);
+        let tire_brake_mps2 = self.braking(road.lowest_adhesion(s_m, reach_m)).max_brake_mps2;
+        // A grade g takes g sin(atan g) ≤ g g.
+        let descent_mps2 = GRAVITY_MPS2 * road.steepest_descent(s_m, reach_m);
+        let max_brake_mps2 = (tire_brake_mps2 - descent_mps2).max(BRAKE_MIN_MPS2);
+        Footing { braking: Braking { max_brake_mps2, ..braking }, tire_brake_mps2, descent_mps2 }
     }
 
     /// Checks every range.

@@ -6,7 +6,7 @@
 //! two cars that swap lanes lose each other. Where the drive train has a delay, the step that counts is the one the
 //! command acts in: until then the car does what it was sent, while every leader may already brake in full.
 
-use crate::control::config::ControlConfig;
+use crate::control::config::{ControlConfig, Footing};
 use crate::control::delay::SentCommands;
 use crate::models::rss::{Braking, safe_gap_m};
 use crate::road::LaneIndex;
@@ -67,7 +67,7 @@ struct Seen<'a> {
     lanes: [Option<LaneIndex>; 2],
     /// The ego when a command of now counts.
     begin: &'a Next,
-    braking: &'a Braking,
+    footing: &'a Footing,
 }
 
 impl Guard {
@@ -97,27 +97,27 @@ impl Guard {
         lanes: [Option<LaneIndex>; 2],
         input: ControlInput,
     ) -> (ControlInput, Option<GuardCause>) {
-        let braking = self.config.braking_on(&scene.road, scene.ego.s_m, scene.ego.speed_mps);
+        let footing = self.config.braking_on(&scene.road, scene.ego.s_m, scene.ego.speed_mps);
         if !is_finite(&scene.ego) || !input.accel_mps2.is_finite() || !input.steer_rad.is_finite() {
-            return (self.refused(scene, input, &braking), Some(GuardCause::NotFinite));
+            return (self.refused(scene, input, &footing), Some(GuardCause::NotFinite));
         }
         let limited = self.limited(scene, input);
         let limits = (limited != input).then_some(GuardCause::Limits);
         if !self.config.guard {
             return (limited, limits);
         }
-        let begin = self.past_delay(&scene.ego);
-        let seen = Seen { scene, lanes, begin: &begin, braking: &braking };
+        let begin = self.past_delay(&scene.ego, &footing);
+        let seen = Seen { scene, lanes, begin: &begin, footing: &footing };
         let Some(id) = self.broken_by(&seen, limited.accel_mps2) else { return (limited, limits) };
         let (accel_mps2, full_brake) = self.mildest(&seen, limited.accel_mps2);
         (ControlInput { accel_mps2, ..limited }, Some(GuardCause::SafeDistance { id, full_brake }))
     }
 
-    fn refused(&self, scene: &Scene, input: ControlInput, braking: &Braking) -> ControlInput {
+    fn refused(&self, scene: &Scene, input: ControlInput, footing: &Footing) -> ControlInput {
         let held = [input.steer_rad, scene.ego.steer_rad].into_iter().find(|steer| steer.is_finite());
         let most = self.params.max_steer_rad;
         ControlInput {
-            accel_mps2: -braking.max_brake_mps2,
+            accel_mps2: -footing.tire_brake_mps2,
             steer_rad: held.map_or(0.0, |steer| steer.clamp(-most, most)),
         }
     }
@@ -137,7 +137,7 @@ impl Guard {
 
     /// The mildest level below the wanted command that keeps every safe distance, and whether it is full braking.
     fn mildest(&self, seen: &Seen, wanted_mps2: f64) -> (f64, bool) {
-        let full_mps2 = -seen.braking.max_brake_mps2;
+        let full_mps2 = -seen.footing.tire_brake_mps2;
         for level in LEVELS_MPS2 {
             let command = self.towards(seen, level);
             let milder = command < wanted_mps2 && level > full_mps2;
@@ -153,12 +153,12 @@ impl Guard {
         let change = self.config.emergency_jerk_mps3 * self.period_s;
         let now = seen.begin.accel_mps2;
         let next = level.clamp(now - change, now + change);
-        (now + (next - now) / self.drive_response).clamp(-seen.braking.max_brake_mps2, 0.0)
+        (now + (next - now) / self.drive_response).clamp(-seen.footing.tire_brake_mps2, 0.0)
     }
 
     /// The first vehicle to which the safe distance would be broken after this step.
     fn broken_by(&self, seen: &Seen, accel_mps2: f64) -> Option<VehicleId> {
-        let next = self.next(seen.begin, accel_mps2, self.period_s);
+        let next = self.next(seen.begin, accel_mps2, self.period_s, seen.footing);
         let scene = seen.scene;
         let matters = |n: &Neighbor| {
             seen.lanes.into_iter().flatten().any(|lane| n.occupies(lane))
@@ -170,22 +170,22 @@ impl Guard {
             .iter()
             .filter(|n| n.ahead_m > 0.0 && n.ahead_m < RANGE_M || n.ahead_m.is_nan())
             .filter(|n| matters(n))
-            .find(|n| !self.keeps(&next, n, scene.ego_length_m, seen.braking))
+            .find(|n| !self.keeps(&next, n, scene.ego_length_m, seen.footing))
             .map(|n| n.id)
     }
 
     /// Where the commands on their way will have led when one of now counts.
-    fn past_delay(&self, ego: &VehicleState) -> Next {
+    fn past_delay(&self, ego: &VehicleState, footing: &Footing) -> Next {
         let now = Next { travelled_m: 0.0, speed_mps: ego.road_speed_mps(), accel_mps2: ego.accel_mps2 };
-        self.sent.under_way().fold(now, |next, (time_s, command)| self.next(&next, command, time_s))
+        self.sent.under_way().fold(now, |next, (time_s, command)| self.next(&next, command, time_s, footing))
     }
 
-    /// Where `time_s` under this command leads, the drive train's lag included.
-    fn next(&self, from: &Next, accel_mps2: f64, time_s: f64) -> Next {
+    /// Where `time_s` under this command leads, the drive train's lag and the descent included.
+    fn next(&self, from: &Next, accel_mps2: f64, time_s: f64, footing: &Footing) -> Next {
         let (v, a) = (from.speed_mps, from.accel_mps2);
         let lag_s = self.params.drive_lag_s;
         let response = lag_response(lag_s, time_s);
-        let gained = accel_mps2 * time_s + (a - accel_mps2) * lag_s * response;
+        let gained = (accel_mps2 + footing.descent_mps2) * time_s + (a - accel_mps2) * lag_s * response;
         let speed_mps = (v + gained).max(0.0);
         Next {
             travelled_m: from.travelled_m + 0.5 * (v + speed_mps) * time_s,
@@ -195,19 +195,20 @@ impl Guard {
     }
 
     /// Whether the safe distance holds after this step even if the leader brakes in full during it. False for NaN.
-    fn keeps(&self, next: &Next, leader: &Neighbor, ego_length_m: f64, braking: &Braking) -> bool {
+    fn keeps(&self, next: &Next, leader: &Neighbor, ego_length_m: f64, footing: &Footing) -> bool {
+        let braking = &footing.braking;
         let time_s = self.sent.delay_s() + self.period_s;
         let leader_speed = leader.speed_mps.max(0.0);
         let leader_next = (leader_speed - braking.leader_brake_mps2 * time_s).max(0.0);
         let moving_s = time_s.min(leader_speed / braking.leader_brake_mps2);
         let leader_travelled_m = 0.5 * (leader_speed + leader_next) * moving_s;
         let gap_m = leader.gap_m(ego_length_m) + leader_travelled_m - next.travelled_m;
-        gap_m >= safe_gap_m(next.speed_mps, next.accel_mps2, leader_next, braking)
+        gap_m >= safe_gap_m(next.speed_mps, next.accel_mps2 + footing.descent_mps2, leader_next, braking)
     }
 
     /// What the safe distance assumes here: the drive train's delay adds to the reaction.
     pub fn braking(&self, scene: &Scene) -> Braking {
-        let braking = self.config.braking_on(&scene.road, scene.ego.s_m, scene.ego.speed_mps);
+        let braking = self.config.braking_on(&scene.road, scene.ego.s_m, scene.ego.speed_mps).braking;
         Braking { reaction_s: braking.reaction_s + self.params.drive_delay_s, ..braking }
     }
 

@@ -202,8 +202,8 @@ impl LongitudinalMpc {
 
     /// Lowest acceleration that the road ahead allows, m/s².
     fn lowest_on(&self, scene: &Scene, speed_mps: f64) -> f64 {
-        let braking = self.config.braking_on(&scene.road, scene.ego.s_m, speed_mps);
-        self.config.accel_min_mps2.max(-braking.max_brake_mps2)
+        let footing = self.config.braking_on(&scene.road, scene.ego.s_m, speed_mps);
+        self.config.accel_min_mps2.max(-footing.tire_brake_mps2)
     }
 
     /// Sets the plan's initial state: distance from here, speed and acceleration when a command of now will count.
@@ -290,7 +290,7 @@ impl LongitudinalMpc {
     fn bound_by_leader(&mut self, leader: &Neighbor, forecast: &Forecast, index: usize, scene: &Scene, speed_mps: f64) {
         let config = &self.config;
         let bumpers_m = 0.5 * (leader.length_m + scene.ego_length_m);
-        let braking = config.braking_on(&scene.road, scene.ego.s_m, speed_mps);
+        let braking = config.braking_on(&scene.road, scene.ego.s_m, speed_mps).braking;
         let delay_s = self.sent.delay_s();
         let braking = Braking { reaction_s: braking.reaction_s + delay_s, ..braking };
         let headway_s = config.spacing_headway_s;

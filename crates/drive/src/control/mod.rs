@@ -10,7 +10,7 @@ mod observer;
 mod tests;
 mod verdict;
 
-pub use config::{ControlConfig, HeadingReference, MAX_HORIZON};
+pub use config::{ControlConfig, Footing, HeadingReference, MAX_HORIZON};
 pub use guard::{Guard, GuardCause};
 pub use lateral::{LateralMpc, LateralReference, SteerPlan};
 pub use longitudinal::{LongitudinalMpc, SPEED_POINTS, SpeedGoal, SpeedPlan};

@@ -208,3 +208,27 @@ fn delays_of_the_brakes_and_wrong_masses_still_stop_in_time() {
         assert!(gap_m > 0.9, "{drive_delay_s} s, {mass_factor}: {gap_m} m");
     }
 }
+
+#[test]
+fn a_descent_is_counted_against_the_brakes() {
+    let (params, options) = (VehicleParams::default(), PlantConfig::default());
+    let gap_m = stop(&params, &options, &observing(), grade(-0.06));
+    assert!(gap_m > 0.9, "{gap_m} m");
+    // The guard alone, on a wet descent, behind a standing car and a wish to go on: 3.7 − 0.6 m/s² must be enough.
+    let road = RoadConfig { adhesion: 0.4, ..grade(-0.06) };
+    let control = ControlConfig::default();
+    let mut keeper = Keeper::new(&params, &options, &control, road);
+    let mut guard = Guard::new(&control, &params, PERIOD_S);
+    keeper.scene.neighbors = vec![leader(180.0, 0.0)];
+    for _ in 0..600 {
+        let wanted = ControlInput { accel_mps2: 1.0, steer_rad: 0.0 };
+        let (input, _) = guard.check(&keeper.scene, [Some(LaneIndex(0)), None], wanted);
+        guard.sent(input);
+        let before_m = keeper.scene.ego.s_m;
+        keeper.send(&input);
+        let travelled_m = keeper.scene.ego.s_m - before_m;
+        move_leader(&mut keeper.scene, 0.0, travelled_m);
+        assert!(keeper.scene.neighbors[0].gap_m(4.8) > 0.5);
+    }
+    assert!(keeper.scene.neighbors[0].gap_m(4.8) < 20.0);
+}

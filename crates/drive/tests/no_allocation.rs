@@ -1,0 +1,52 @@
+//! A control step asks for no memory, whatever is switched on. A binary of its own, because it counts the allocations of
+//! a whole process.
+// Counting allocations takes an allocator, and implementing one is unsafe by its nature.
+#![allow(unsafe_code)]
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::Arc;
+
+use lanecraft_drive::decide::Maneuver;
+use lanecraft_drive::env::{Config, Env};
+
+thread_local! {
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
+
+struct Counting;
+
+// SAFETY: every call goes to the system allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        // SAFETY: the caller's obligations are passed on.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // SAFETY: the caller's obligations are passed on.
+        unsafe { System.dealloc(memory, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn driving_does_not_allocate() {
+    let mut config = Config::default();
+    (config.vehicle.steer_delay_s, config.vehicle.drive_delay_s) = (0.12, 0.2);
+    (config.control.observer, config.plant.combined_grip) = (true, true);
+    (config.plant.wind_mps, config.perception.position_noise_m) = (8.0, 0.1);
+    let mut env = Env::new(&Arc::new(config), 3).expect("a valid configuration");
+    let keep = env.actions().plain(Maneuver::Keep { accel_mps2: 0.0 }).expect("there is a hold action");
+    for _ in 0..10 {
+        let _ = env.step(keep).expect("allowed");
+    }
+    let before = ALLOCATIONS.with(Cell::get);
+    for _ in 0..40 {
+        let _ = env.step(keep).expect("allowed");
+    }
+    assert_eq!(ALLOCATIONS.with(Cell::get) - before, 0);
+}
