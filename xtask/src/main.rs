@@ -12,6 +12,7 @@ use anyhow::{Context as _, bail};
 const HELP: &str = "\
 cargo xtask check          everything, in this order: format, lints, documentation, wasm, tests, extra tools
 cargo xtask test [ARGS]    all tests; ARGS go to the test runner
+cargo xtask test --long    all tests in their long form, in the release build
 cargo xtask bench [ARGS]   lanecraft bench in the release build; ARGS go to it";
 
 /// Crates that also run in a browser.
@@ -33,6 +34,10 @@ fn run(arguments: &[String]) -> anyhow::Result<()> {
     let rest: Vec<&str> = arguments.iter().skip(1).map(String::as_str).collect();
     match arguments.first().map(String::as_str) {
         Some("check") if rest.is_empty() => check(),
+        Some("test") if rest == ["--long"] => {
+            let arguments = ["test", "--locked", "--release", "--workspace"];
+            execute(command("cargo", &arguments).env("LANECRAFT_LONG", "1"), "LANECRAFT_LONG=1 ")
+        }
         Some("test") => test(&rest),
         Some("bench") => {
             let release = ["run", "--locked", "--release", "--package", "lanecraft", "--", "bench"];

@@ -128,17 +128,16 @@ fn run_unforced(vehicle_seconds: f64, first_seed: u64) {
     assert!(shares.0 <= 1e-3 && shares.1 <= 1e-5, "harder than 4 and 6 m/s²: {shares:?}");
 }
 
+/// The long form, `cargo xtask test --long`, drives ten million vehicle seconds.
 #[test]
 fn unforced_traffic_is_safe_and_gentle() {
-    run_unforced(1.2e5, 0);
+    for round in 0..if is_long() { 100 } else { 1 } {
+        run_unforced(1.2e5, 10 * round);
+    }
 }
 
-#[test]
-#[ignore = "ten million vehicle seconds: a minute in release"]
-fn unforced_traffic_is_safe_for_long() {
-    for round in 0..100 {
-        run_unforced(1e5, 10 * round);
-    }
+fn is_long() -> bool {
+    std::env::var_os("LANECRAFT_LONG").is_some()
 }
 
 /// Every vehicle keeps the safe distance to every other ahead of it with which it shares a lane, hence to the nearest.
@@ -248,15 +247,10 @@ fn run_stress(seeds: std::ops::Range<u64>) {
     assert!(collisions > 100 && hard > 1000 && lane_changes > 1000, "{counts:?}");
 }
 
+/// The long form drives a million vehicle seconds.
 #[test]
 fn stress_never_makes_human_drivers_touch() {
-    run_stress(0..40);
-}
-
-#[test]
-#[ignore = "a million vehicle seconds: half a minute in release"]
-fn stress_never_makes_human_drivers_touch_for_long() {
-    run_stress(40..400);
+    run_stress(0..if is_long() { 400 } else { 40 });
 }
 
 #[test]

@@ -179,14 +179,3 @@ fn a_reading_is_written_from_the_results_and_says_what_is_open() {
     data.results[0] = result("a", 15.0, 0.1);
     assert!(render(&data).contains("lies above all others"));
 }
-
-/// Writes samples for a person to look at: `cargo test -p lanecraft-lab write_the_samples -- --ignored --nocapture`.
-#[test]
-#[ignore = "writes files to look at"]
-fn write_the_samples() {
-    for (name, data) in [("sample", full()), ("hostile", hostile(f64::NAN))] {
-        let path = std::env::temp_dir().join(format!("lanecraft-{name}-report.html"));
-        std::fs::write(&path, render(&data)).unwrap();
-        println!("{}", path.display());
-    }
-}
