@@ -150,14 +150,16 @@ fn a_lane_change_ends_in_the_middle_of_the_new_lane() {
     assert!(changes > 10, "only {changes} lane changes");
 }
 
-/// Shield and guard against a random driver in traffic that brakes in full around it at random.
+/// Shield and guard against a random driver in traffic that brakes in full around it at random; the long form (`cargo xtask test --long`)
+/// drives 5 000 episodes.
 #[test]
 fn nobody_is_hit_by_the_egos_fault_under_stress() {
     let mut config = Config::default();
     config.traffic.stress_brake_rate_hz = 0.05;
     let config = Arc::new(config);
     let mut stream = Stream::new(4, "test");
-    for seed in 0..20 {
+    let episodes = if std::env::var_os("LANECRAFT_LONG").is_some() { 5_000 } else { 20 };
+    for seed in 0..episodes {
         let mut env = Env::new(&config, seed).expect("the default scenario can be built");
         drive_randomly(&mut env, &mut stream, 80);
         let collision = env.episode().collision;
