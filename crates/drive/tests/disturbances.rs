@@ -29,8 +29,7 @@ fn rough() -> Config {
     config.perception.position_noise_m = 0.1;
     config.perception.speed_noise_mps = 0.1;
     config.control.observer = true;
-    // What a car of 1.1 times the mass still brakes by on the patch's side of 95 % of the grip.
-    config.control.emergency_brake_mps2 = 7.2;
+    config.control.mass_margin = 0.1;
     config
 }
 

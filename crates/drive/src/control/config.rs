@@ -111,6 +111,9 @@ pub struct ControlConfig {
     pub emergency_brake_mps2: f64,
     /// Jerk the guard may use, m/s³.
     pub emergency_jerk_mps3: f64,
+    /// By which share the car may be heavier than its controllers know: emergency braking and its jerk are counted on
+    /// that much less, and still asked for in full.
+    pub mass_margin: f64,
     /// Braking a leader is expected of, m/s² (positive), within 95 % of μ g.
     pub leader_brake_mps2: f64,
     /// Time the ego is assumed to go on before it brakes, s: a control step and the drive train's lag, rounded up.
@@ -126,7 +129,7 @@ pub struct ControlConfig {
 /// What the brakes can do on the road ahead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Footing {
-    /// What the safe distance assumes, the descent taken off.
+    /// What the safe distance assumes, the descent and the margin of the mass taken off.
     pub braking: Braking,
     /// What may be asked of the tires, m/s² (positive).
     pub tire_brake_mps2: f64,
@@ -172,6 +175,7 @@ impl Default for ControlConfig {
             guard: true,
             emergency_brake_mps2: 8.0,
             emergency_jerk_mps3: 25.0,
+            mass_margin: 0.0,
             leader_brake_mps2: 7.0,
             reaction_s: 0.3,
             margin_m: 1.0,
@@ -202,10 +206,12 @@ impl ControlConfig {
     /// What the safe distance assumes on a road of this adhesion.
     pub fn braking(&self, adhesion: f64) -> Braking {
         let grip_mps2 = USABLE_GRIP * adhesion * GRAVITY_MPS2;
+        // Grip goes with the mass, the force of the brakes does not.
+        let heavier = 1.0 + self.mass_margin;
         Braking {
             reaction_s: self.reaction_s,
-            jerk_mps3: self.emergency_jerk_mps3,
-            max_brake_mps2: self.emergency_brake_mps2.min(grip_mps2),
+            jerk_mps3: self.emergency_jerk_mps3 / heavier,
+            max_brake_mps2: (self.emergency_brake_mps2 / heavier).min(grip_mps2),
             leader_brake_mps2: self.leader_brake_mps2.min(grip_mps2),
             margin_m: self.margin_m,
         }
@@ -216,15 +222,22 @@ impl ControlConfig {
     pub fn braking_on(&self, road: &Road, s_m: f64, speed_mps: f64) -> Footing {
         let braking = self.braking(road.adhesion());
         if road.is_uniform() && road.config().grade.is_empty() {
-            return Footing { braking, tire_brake_mps2: braking.max_brake_mps2, descent_mps2: 0.0 };
+            return Footing { braking, tire_brake_mps2: self.tire_brake_mps2(road.adhesion()), descent_mps2: 0.0 };
         }
         let braked_m = speed_mps * speed_mps / (2.0 * braking.max_brake_mps2);
         let reach_m = (speed_mps * (braking.reaction_s + BUILD_UP_S) + braked_m).max(0.0);
-        let tire_brake_mps2 = self.braking(road.lowest_adhesion(s_m, reach_m)).max_brake_mps2;
+        let adhesion = road.lowest_adhesion(s_m, reach_m);
         // A grade g takes g sin(atan g) ≤ g g.
         let descent_mps2 = GRAVITY_MPS2 * road.steepest_descent(s_m, reach_m);
-        let max_brake_mps2 = (tire_brake_mps2 - descent_mps2).max(BRAKE_MIN_MPS2);
+        let max_brake_mps2 = (self.braking(adhesion).max_brake_mps2 - descent_mps2).max(BRAKE_MIN_MPS2);
+        let tire_brake_mps2 = self.tire_brake_mps2(adhesion);
         Footing { braking: Braking { max_brake_mps2, ..braking }, tire_brake_mps2, descent_mps2 }
+    }
+
+    /// What full braking asks of the tires: for a heavier car, more than the grip would be for the known one.
+    fn tire_brake_mps2(&self, adhesion: f64) -> f64 {
+        let grip_mps2 = USABLE_GRIP * adhesion * GRAVITY_MPS2 * (1.0 + self.mass_margin);
+        self.emergency_brake_mps2.min(grip_mps2)
     }
 
     /// Checks every range.
@@ -275,6 +288,7 @@ impl ControlConfig {
     fn validate_guard(&self) -> Result<(), ConfigError> {
         check_range("control.emergency_brake_mps2", self.emergency_brake_mps2, 1.0, 12.0)?;
         check_range("control.emergency_jerk_mps3", self.emergency_jerk_mps3, 1.0, 1000.0)?;
+        check_range("control.mass_margin", self.mass_margin, 0.0, 1.0)?;
         check_range("control.leader_brake_mps2", self.leader_brake_mps2, 1.0, 12.0)?;
         check_range("control.reaction_s", self.reaction_s, 0.0, 3.0)?;
         check_range("control.margin_m", self.margin_m, 0.0, 20.0)?;

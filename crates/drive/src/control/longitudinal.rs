@@ -203,7 +203,7 @@ impl LongitudinalMpc {
     /// Lowest acceleration that the road ahead allows, m/s².
     fn lowest_on(&self, scene: &Scene, speed_mps: f64) -> f64 {
         let footing = self.config.braking_on(&scene.road, scene.ego.s_m, speed_mps);
-        self.config.accel_min_mps2.max(-footing.tire_brake_mps2)
+        self.config.accel_min_mps2.max(-footing.braking.max_brake_mps2 - footing.descent_mps2)
     }
 
     /// Sets the plan's initial state: distance from here, speed and acceleration when a command of now will count.

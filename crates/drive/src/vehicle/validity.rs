@@ -293,3 +293,58 @@ fn a_delay_moves_the_answer_by_itself_and_nothing_else() {
     }
     assert_eq!(state, other);
 }
+
+/// (V̇_y, γ̇) of the sliding car with the wheel straight.
+fn lateral_rates(params: &VehicleParams, adhesion: f64, speed_mps: f64, vy: f64, yaw: f64) -> [f64; 2] {
+    let p = params;
+    let (front_n, rear_n) = tire::axle_loads_n(p);
+    let (front_slip, rear_slip) = tire::slip_angles_rad(p, speed_mps, vy, yaw, 0.0);
+    let front = axle_force_n(p.tires, p.front_stiffness_nprad, adhesion * front_n, front_slip);
+    let rear = axle_force_n(p.tires, p.rear_stiffness_nprad, adhesion * rear_n, rear_slip);
+    let turn = (p.front_axle_m * front - p.rear_axle_m * rear) / p.yaw_inertia_kgm2;
+    [(front + rear) / p.mass_kg - speed_mps * yaw, turn]
+}
+
+/// The equilibrium that Newton's method reaches from here.
+fn equilibrium(rates: impl Fn(f64, f64) -> [f64; 2], mut at: [f64; 2]) -> Option<[f64; 2]> {
+    for _ in 0..100 {
+        let (here, step) = (rates(at[0], at[1]), 1e-6);
+        let (by_vy, by_yaw) = (rates(at[0] + step, at[1]), rates(at[0], at[1] + step));
+        let j = [0, 1].map(|i| [(by_vy[i] - here[i]) / step, (by_yaw[i] - here[i]) / step]);
+        let determinant = j[0][0] * j[1][1] - j[0][1] * j[1][0];
+        at[0] -= (here[0] * j[1][1] - j[0][1] * here[1]) / determinant;
+        at[1] -= (j[0][0] * here[1] - here[0] * j[1][0]) / determinant;
+    }
+    let rest = rates(at[0], at[1]);
+    (rest[0].abs() + rest[1].abs() < 1e-9 && at[0].is_finite()).then_some(at)
+}
+
+#[test]
+fn the_phase_plane_has_a_stable_middle_and_a_saddle_where_the_car_spins() {
+    // 25 m/s, μ = 0.4, wheel straight (after Ono and others, 1998): beyond the saddle the rear axle has no more to give.
+    let params = VehicleParams { steer_lag_s: 0.0, ..VehicleParams::default() };
+    let rates = |vy, yaw| lateral_rates(&params, 0.4, 25.0, vy, yaw);
+    let middle = equilibrium(rates, [0.1, 0.01]).expect("straight on");
+    assert!(middle[0].abs() < 1e-9 && middle[1].abs() < 1e-9);
+    let saddle = (1..40)
+        .flat_map(|i| (-40..40).map(move |k| [0.25 * f64::from(i), 0.01 * f64::from(k)]))
+        .find_map(|guess| equilibrium(rates, guess).filter(|at| at[0] > 0.1 && at[0] < 20.0))
+        .expect("a saddle");
+    // Its mirror image is one, too.
+    let mirrored = rates(-saddle[0], -saddle[1]);
+    assert!(mirrored[0].abs() < 1e-9 && mirrored[1].abs() < 1e-9);
+    let wet = Contact { adhesion: 0.4, ..Contact::default() };
+    let end = |share: f64| {
+        let start = VehicleState {
+            speed_mps: 25.0,
+            lateral_speed_mps: share * saddle[0],
+            yaw_rate_radps: share * saddle[1],
+            ..VehicleState::default()
+        };
+        let held =
+            |state, _| VehicleState { speed_mps: 25.0, ..step(&params, &state, &ControlInput::default(), &wet, 0.01) };
+        (0..400).fold(start, held)
+    };
+    assert!(end(0.9).lateral_speed_mps.abs() < 0.01, "{saddle:?}: {:?}", end(0.9));
+    assert!(end(1.1).lateral_speed_mps.abs() > saddle[0], "{saddle:?}: {:?}", end(1.1));
+}

@@ -204,7 +204,8 @@ fn delays_of_the_brakes_and_wrong_masses_still_stop_in_time() {
     for (drive_delay_s, mass_factor) in [(0.1, 1.0), (0.2, 1.0), (0.12, 1.0), (0.0, 0.8), (0.0, 1.2), (0.2, 1.2)] {
         let params = VehicleParams { drive_delay_s, ..VehicleParams::default() };
         let options = PlantConfig { mass_factor, ..PlantConfig::default() };
-        let gap_m = stop(&params, &options, &observing(), RoadConfig::default());
+        let control = ControlConfig { mass_margin: (mass_factor - 1.0_f64).max(0.0), ..observing() };
+        let gap_m = stop(&params, &options, &control, RoadConfig::default());
         assert!(gap_m > 0.9, "{drive_delay_s} s, {mass_factor}: {gap_m} m");
     }
 }
