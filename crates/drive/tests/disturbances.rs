@@ -143,3 +143,95 @@ fn a_users_own_model_of_the_car_can_be_driven_and_cloned() {
     assert_eq!(env.digest(), snapshot.digest());
     assert!(env.episode().collision.is_none() && env.ego().speed_mps > 5.0);
 }
+
+/// What random decisions among cars that brake in full at random came to.
+#[derive(Default)]
+struct Toll {
+    speed_mps: f64,
+    lateral_rms_m: f64,
+    guard: u32,
+    fallbacks: u32,
+    collisions: u32,
+    at_fault: u32,
+}
+
+fn toll(config: &Config, episodes: u32) -> Toll {
+    let mut config = config.clone();
+    config.traffic.stress_brake_rate_hz = 0.05;
+    let config = Arc::new(config);
+    let mut toll = Toll::default();
+    let mut ticks = 0_u32;
+    for seed in 0..u64::from(episodes) {
+        let mut env = Env::new(&config, seed).expect("a valid configuration");
+        let mut stream = Stream::new(seed, "test.toll");
+        while !env.is_over() {
+            let _ = env.step(random_action(&env, &mut stream)).expect("allowed");
+            let off_m = env.ego().d_m - env.driver().reference_d_m();
+            toll.lateral_rms_m += off_m * off_m;
+            ticks += 1;
+        }
+        let episode = env.episode();
+        toll.speed_mps += episode.mean_speed_mps() / f64::from(episodes);
+        toll.guard += episode.counts.guard;
+        toll.fallbacks += episode.counts.fallbacks.iter().sum::<u32>();
+        toll.collisions += u32::from(episode.collision.is_some());
+        toll.at_fault += u32::from(episode.collision.is_some_and(|c| c.fault.at_fault()));
+    }
+    toll.lateral_rms_m = (toll.lateral_rms_m / f64::from(ticks)).sqrt();
+    toll
+}
+
+type Change = fn(&mut Config);
+
+const CHANGES: [(&str, Change); 19] = [
+    ("nothing", |_| ()),
+    ("observer", |c| c.control.observer = true),
+    ("shared grip", |c| c.plant.combined_grip = true),
+    ("shared grip, load transfer", |c| {
+        (c.plant.combined_grip, c.plant.load_transfer) = (true, LoadTransfer::QuasiStatic);
+    }),
+    ("steering delay 0.2 s", |c| c.vehicle.steer_delay_s = 0.2),
+    ("steering delay 0.2 s, not compensated", |c| {
+        (c.vehicle.steer_delay_s, c.control.delay_compensation) = (0.2, false);
+    }),
+    ("brake delay 0.3 s", |c| c.vehicle.drive_delay_s = 0.3),
+    ("brake delay 0.5 s", |c| c.vehicle.drive_delay_s = 0.5),
+    ("mass x 0.8", |c| c.plant.mass_factor = 0.8),
+    ("mass x 1.2", |c| c.plant.mass_factor = 1.2),
+    ("mass x 1.2, margin 0.2", |c| (c.plant.mass_factor, c.control.mass_margin) = (1.2, 0.2)),
+    ("wind 12 ± 6 m/s", |c| (c.plant.wind_mps, c.plant.gust_mps) = (12.0, 6.0)),
+    ("wind 12 ± 6 m/s, observer", |c| {
+        (c.plant.wind_mps, c.plant.gust_mps, c.control.observer) = (12.0, 6.0, true);
+    }),
+    ("grade ± 5 %", |c| c.road.grade = hills()),
+    ("grade ± 5 %, observer", |c| (c.road.grade, c.control.observer) = (hills(), true)),
+    ("60 m of μ = 0.5", |c| c.road.adhesion_patches = patch(0.5)),
+    ("60 m of μ = 0.2", |c| c.road.adhesion_patches = patch(0.2)),
+    ("μ = 0.4, shared grip", |c| (c.road.adhesion, c.plant.combined_grip) = (0.4, true)),
+    ("noise 0.5 m, 0.5 m/s", |c| {
+        (c.perception.position_noise_m, c.perception.speed_noise_mps) = (0.5, 0.5);
+    }),
+];
+
+fn hills() -> Vec<GradePoint> {
+    [(0.0, 0.0), (300.0, 0.05), (700.0, -0.05), (1000.0, 0.0)].map(|(s_m, grade)| GradePoint { s_m, grade }).to_vec()
+}
+
+fn patch(adhesion: f64) -> Vec<AdhesionPatch> {
+    vec![AdhesionPatch { s_m: 400.0, length_m: 60.0, adhesion }]
+}
+
+/// The table of `docs/guarantees.md`.
+#[test]
+#[ignore = "a measurement: a minute in release"]
+fn toll_of_each_disturbance() {
+    for (name, change) in CHANGES {
+        let mut config = calm();
+        change(&mut config);
+        let t = toll(&config, 200);
+        println!(
+            "| {name} | {:.1} | {:.3} | {} | {} | {} | {} |",
+            t.speed_mps, t.lateral_rms_m, t.guard, t.fallbacks, t.collisions, t.at_fault
+        );
+    }
+}

@@ -8,6 +8,7 @@
 
 use crate::control::config::{ControlConfig, Footing};
 use crate::control::delay::SentCommands;
+use crate::control::worst_case::{Opening, closest_m};
 use crate::models::rss::{Braking, safe_gap_m};
 use crate::road::LaneIndex;
 use crate::scene::{Neighbor, Scene, VehicleId};
@@ -170,7 +171,7 @@ impl Guard {
             .iter()
             .filter(|n| n.ahead_m > 0.0 && n.ahead_m < RANGE_M || n.ahead_m.is_nan())
             .filter(|n| matters(n))
-            .find(|n| !self.keeps(&next, n, scene.ego_length_m, seen.footing))
+            .find(|n| !self.keeps(&next, n, seen))
             .map(|n| n.id)
     }
 
@@ -195,15 +196,26 @@ impl Guard {
     }
 
     /// Whether the safe distance holds after this step even if the leader brakes in full during it. False for NaN.
-    fn keeps(&self, next: &Next, leader: &Neighbor, ego_length_m: f64, footing: &Footing) -> bool {
-        let braking = &footing.braking;
+    fn keeps(&self, next: &Next, leader: &Neighbor, seen: &Seen) -> bool {
+        let Footing { braking, descent_mps2, .. } = seen.footing;
         let time_s = self.sent.delay_s() + self.period_s;
         let leader_speed = leader.speed_mps.max(0.0);
         let leader_next = (leader_speed - braking.leader_brake_mps2 * time_s).max(0.0);
         let moving_s = time_s.min(leader_speed / braking.leader_brake_mps2);
         let leader_travelled_m = 0.5 * (leader_speed + leader_next) * moving_s;
-        let gap_m = leader.gap_m(ego_length_m) + leader_travelled_m - next.travelled_m;
-        gap_m >= safe_gap_m(next.speed_mps, next.accel_mps2 + footing.descent_mps2, leader_next, braking)
+        let gap_m = leader.gap_m(seen.scene.ego_length_m) + leader_travelled_m - next.travelled_m;
+        let closed_form = gap_m >= safe_gap_m(next.speed_mps, next.accel_mps2 + descent_mps2, leader_next, braking);
+        if closed_form || seen.scene.road.is_uniform() && *descent_mps2 == 0.0 {
+            return closed_form;
+        }
+        let opening = Opening {
+            s_m: seen.scene.ego.s_m + next.travelled_m,
+            speed_mps: next.speed_mps,
+            accel_mps2: next.accel_mps2,
+            leader_speed_mps: leader_next,
+            gap_m,
+        };
+        closest_m(&self.config, &seen.scene.road, &opening) >= self.config.margin_m
     }
 
     /// What the safe distance assumes here: the drive train's delay adds to the reaction.

@@ -9,6 +9,7 @@ mod observer;
 #[cfg(test)]
 mod tests;
 mod verdict;
+mod worst_case;
 
 pub use config::{ControlConfig, Footing, HeadingReference, MAX_HORIZON};
 pub use guard::{Guard, GuardCause};

@@ -101,6 +101,8 @@ struct Drive<'a> {
     accel_target_mps2: f64,
     /// Most that the tires can brake and drive by, m/s².
     grip_mps2: f64,
+    /// μ F_z of the front and the rear axle of a car that neither brakes nor drives, N.
+    resting_peaks_n: (f64, f64),
     mass_kg: f64,
     yaw_inertia_kgm2: f64,
     /// Acceleration by gravity on a grade and a bank, m/s²: along and across the car.
@@ -130,6 +132,7 @@ impl<'a> Drive<'a> {
         let p = params;
         let grip_mps2 = contact.adhesion * GRAVITY_MPS2 * if options.combined_grip { LONGITUDINAL_SHARE } else { 1.0 };
         let (mass_kg, yaw_inertia_kgm2) = (options.mass_factor * p.mass_kg, options.mass_factor * p.yaw_inertia_kgm2);
+        let (front_n, rear_n) = options.axle_loads_n(p, 0.0);
         let (kf, kr, lf, lr) = (p.front_stiffness_nprad, p.rear_stiffness_nprad, p.front_axle_m, p.rear_axle_m);
         let stiffness = (2.0 * (kf + kr) / mass_kg).max(2.0 * (kf * lf * lf + kr * lr * lr) / yaw_inertia_kgm2);
         Self {
@@ -141,6 +144,7 @@ impl<'a> Drive<'a> {
             accel_target_mps2: (input.accel_mps2 / options.mass_factor)
                 .clamp(-p.max_brake_mps2.min(grip_mps2), p.max_accel_mps2.min(grip_mps2)),
             grip_mps2,
+            resting_peaks_n: (contact.adhesion * front_n, contact.adhesion * rear_n),
             mass_kg,
             yaw_inertia_kgm2,
             gravity_mps2: gravity_mps2(contact),
@@ -166,23 +170,23 @@ impl<'a> Drive<'a> {
 
     fn at(&self, time_s: f64) -> Instant {
         let (p, options) = (self.params, self.options);
-        let accel_mps2 = self.accel_mps2(time_s);
-        let (front_n, rear_n) = options.axle_loads_n(p, accel_mps2);
-        let mut peak = self.contact.adhesion;
+        let (steer_rad, accel_mps2) = (self.steer_rad(time_s), self.accel_mps2(time_s));
+        let (mut peaks_n, mut stiffness_nprad) =
+            (self.resting_peaks_n, (p.front_stiffness_nprad, p.rear_stiffness_nprad));
+        if options.load_transfer == LoadTransfer::QuasiStatic {
+            let (front_n, rear_n) = options.axle_loads_n(p, accel_mps2);
+            let (front_share, rear_share) =
+                (self.contact.adhesion * front_n / peaks_n.0, self.contact.adhesion * rear_n / peaks_n.1);
+            peaks_n = (front_share * peaks_n.0, rear_share * peaks_n.1);
+            stiffness_nprad = (front_share * stiffness_nprad.0, rear_share * stiffness_nprad.1);
+        }
         if options.combined_grip {
             // F_x over μ F_z is the same at both axles: a / (μ g).
             let used = accel_mps2 / (self.contact.adhesion * GRAVITY_MPS2);
-            peak *= (1.0 - used * used).max(0.0).sqrt();
+            let left = (1.0 - used * used).max(0.0).sqrt();
+            peaks_n = (left * peaks_n.0, left * peaks_n.1);
         }
-        let stiffness_nprad = match options.load_transfer {
-            LoadTransfer::Static => (p.front_stiffness_nprad, p.rear_stiffness_nprad),
-            LoadTransfer::QuasiStatic => {
-                let (front_rest_n, rear_rest_n) = options.axle_loads_n(p, 0.0);
-                (p.front_stiffness_nprad * front_n / front_rest_n, p.rear_stiffness_nprad * rear_n / rear_rest_n)
-            }
-        };
-        let peaks_n = (peak * front_n, peak * rear_n);
-        Instant { steer_rad: self.steer_rad(time_s), accel_mps2, peaks_n, stiffness_nprad }
+        Instant { steer_rad, accel_mps2, peaks_n, stiffness_nprad }
     }
 
     /// One Runge–Kutta step of the motion, with the actuators' exact positions at its start, middle and end.
