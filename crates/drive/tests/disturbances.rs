@@ -144,6 +144,25 @@ fn a_users_own_model_of_the_car_can_be_driven_and_cloned() {
     assert!(env.episode().collision.is_none() && env.ego().speed_mps > 5.0);
 }
 
+/// Scenes in which a guard that asks the tires, on good road, for no more than the ice ahead will give hits a leader that
+/// stops before the ice.
+#[test]
+fn nobody_is_hit_before_ice_or_on_it() {
+    let mut config = calm();
+    config.traffic.stress_brake_rate_hz = 0.05;
+    config.road.adhesion_patches = patch(0.2);
+    let config = Arc::new(config);
+    for seed in [96, 137, 143, 163, 195] {
+        let mut env = Env::new(&config, seed).expect("a valid configuration");
+        let mut stream = Stream::new(seed, "test.toll");
+        while !env.is_over() {
+            let _ = env.step(random_action(&env, &mut stream)).expect("allowed");
+        }
+        let collision = env.episode().collision;
+        assert!(collision.is_none_or(|c| !c.fault.at_fault()), "seed {seed}: {collision:?}");
+    }
+}
+
 /// What random decisions among cars that brake in full at random came to.
 #[derive(Default)]
 struct Toll {

@@ -131,7 +131,7 @@ pub struct ControlConfig {
 pub struct Footing {
     /// What the safe distance assumes, the descent and the margin of the mass taken off.
     pub braking: Braking,
-    /// What may be asked of the tires, m/s² (positive).
+    /// What may be asked of the tires here, m/s² (positive).
     pub tire_brake_mps2: f64,
     /// What the descent adds to the acceleration at most, m/s².
     pub descent_mps2: f64,
@@ -230,7 +230,8 @@ impl ControlConfig {
         // A grade g takes g sin(atan g) ≤ g g.
         let descent_mps2 = GRAVITY_MPS2 * road.steepest_descent(s_m, reach_m);
         let max_brake_mps2 = (self.braking(adhesion).max_brake_mps2 - descent_mps2).max(BRAKE_MIN_MPS2);
-        let tire_brake_mps2 = self.tire_brake_mps2(adhesion);
+        // The tires are asked for what they have here, not for what they will have.
+        let tire_brake_mps2 = self.tire_brake_mps2(road.adhesion_at(s_m));
         Footing { braking: Braking { max_brake_mps2, ..braking }, tire_brake_mps2, descent_mps2 }
     }
 

@@ -21,7 +21,7 @@ use crate::control::observer::SpeedObserver;
 use crate::control::verdict::{Rung, SolveSummary};
 use crate::models::rss::{Braking, safe_gap};
 use crate::predict::Forecast;
-use crate::road::LaneIndex;
+use crate::road::{LaneIndex, Road};
 use crate::scene::{Neighbor, Scene};
 use crate::vehicle::{VehicleParams, lag_response, lagged};
 
@@ -176,13 +176,16 @@ impl LongitudinalMpc {
         if self.stays(scene, goal, now_mps) {
             return self.hold();
         }
-        self.lowest_mps2 = self.lowest_on(scene, now_mps);
+        self.lowest_mps2 = self.lowest_at(&scene.road, scene.ego.s_m);
         if self.config.observer {
             let limits = (self.lowest_mps2, self.config.accel_max_mps2);
             self.observer.observe(now_mps, scene.ego.accel_mps2, &self.sent, limits);
         }
         let [_, speed_mps, accel_mps2] = self.begin(now_mps, scene.ego.accel_mps2);
         self.set_goal(goal, speed_ratio, speed_mps);
+        if !scene.road.is_uniform() {
+            self.set_grip(scene);
+        }
         self.set_spacing(scene, forecast, goal, speed_mps);
         let start = if self.plan.age == 0 { Start::Shifted(0) } else { Start::Cold };
         let summary = SolveSummary::new(&self.solver.solve(&self.problem, start));
@@ -200,10 +203,9 @@ impl LongitudinalMpc {
         self.sent.amend(accel_mps2);
     }
 
-    /// Lowest acceleration that the road ahead allows, m/s².
-    fn lowest_on(&self, scene: &Scene, speed_mps: f64) -> f64 {
-        let footing = self.config.braking_on(&scene.road, scene.ego.s_m, speed_mps);
-        self.config.accel_min_mps2.max(-footing.braking.max_brake_mps2 - footing.descent_mps2)
+    /// Lowest acceleration that the road at `s_m` allows the tires, m/s².
+    fn lowest_at(&self, road: &Road, s_m: f64) -> f64 {
+        self.config.accel_min_mps2.max(-self.config.braking(road.adhesion_at(s_m)).max_brake_mps2)
     }
 
     /// Sets the plan's initial state: distance from here, speed and acceleration when a command of now will count.
@@ -268,6 +270,15 @@ impl LongitudinalMpc {
             stage.rows[ACCEL].lower = self.lowest_mps2;
             stage.rows[SPEED].upper = config.speed_max_mps.max(speed_mps - SPEED_RETURN_MPS2 * time_s) - stage.c[1];
             stage.rows[SPEED].lower = self.speed_lower_mps - stage.c[1];
+        }
+    }
+
+    /// Bounds each stage by the adhesion of where the car will be at its present speed.
+    fn set_grip(&mut self, scene: &Scene) {
+        let [travelled_m, speed_mps, _] = self.problem.initial_state;
+        for k in 0..self.problem.stages.len() {
+            let ahead_m = travelled_m + speed_mps * k as f64 * self.config.longitudinal_step_s;
+            self.problem.stages[k].rows[ACCEL].lower = self.lowest_at(&scene.road, scene.ego.s_m + ahead_m);
         }
     }
 
