@@ -63,7 +63,8 @@ const ACCEL: usize = 3;
 const SPEED_RETURN_MPS2: f64 = 1.0;
 /// A car this slow stands, m/s.
 const STANDING_SPEED_MPS: f64 = 0.05;
-/// It stays while there is less than this to gain, m, behind a leader slower than the next figure.
+/// It stays while its leader is nearer than the spacing, and while there is less than this to gain, m, behind a leader
+/// slower than the next figure.
 const STANDING_ROOM_M: f64 = 1.0;
 const STANDING_LEADER_MPS: f64 = 0.5;
 /// The brake of a standing car, m/s².
@@ -237,7 +238,8 @@ impl LongitudinalMpc {
         speed_mps.abs() < STANDING_SPEED_MPS
             && goal.lanes.into_iter().flatten().any(|lane| {
                 scene.leader(lane).is_some_and(|leader| {
-                    leader.gap_m(scene.ego_length_m) < room_m && leader.speed_mps < STANDING_LEADER_MPS
+                    let gap_m = leader.gap_m(scene.ego_length_m);
+                    gap_m < self.config.spacing_min_m || gap_m < room_m && leader.speed_mps < STANDING_LEADER_MPS
                 })
             })
     }

@@ -83,3 +83,23 @@ fn a_car_that_cuts_in_is_given_room_without_hard_braking() {
     assert!(seen.final_gap_m > 17.0, "{} m", seen.final_gap_m);
     assert_eq!(seen.worst, Rung::Solved);
 }
+
+#[test]
+fn a_standing_car_waits_without_a_solve_until_there_is_room() {
+    // 1 m behind a leader that drives off: every bound is broken at once, and no plan could mend it.
+    let mut scene = scene(0.0, 0.85);
+    scene.neighbors = vec![leader(1.0, 0.0)];
+    let params = VehicleParams::default();
+    let mut mpc = LongitudinalMpc::new(&ControlConfig::default(), &params, PERIOD_S);
+    for k in 0..400 {
+        let plan = mpc.plan(&scene, &constant_speed(&scene), &keep(2.0), 0.025);
+        assert_eq!(plan.rung, Rung::Solved, "step {k}");
+        let before_m = scene.ego.s_m;
+        drive(&params, &mut scene, &ControlInput { accel_mps2: plan.accel_mps2, steer_rad: 0.0 });
+        let travelled_m = scene.ego.s_m - before_m;
+        let accel_mps2 = if scene.neighbors[0].speed_mps < 10.0 { 1.5 } else { 0.0 };
+        move_leader(&mut scene, accel_mps2, travelled_m);
+        assert!(scene.neighbors[0].gap_m(4.8) >= 0.99, "step {k}");
+    }
+    assert!(scene.ego.speed_mps > 9.0, "{} m/s", scene.ego.speed_mps);
+}
