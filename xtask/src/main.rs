@@ -13,7 +13,9 @@ const HELP: &str = "\
 cargo xtask check          everything, in this order: format, lints, documentation, wasm, tests, extra tools
 cargo xtask test [ARGS]    all tests; ARGS go to the test runner
 cargo xtask test --long    all tests in their long form, in the release build
-cargo xtask bench [ARGS]   lanecraft bench in the release build; ARGS go to it";
+cargo xtask bench [ARGS]   lanecraft bench in the release build; ARGS go to it
+cargo xtask bench qp [--json] [--dump DIR] | --long [COUNT]
+                           the quadratic-program solver beside a peer, or on random problems";
 
 /// Crates that also run in a browser.
 const WASM_CRATES: [&str; 2] = ["lanecraft-drive", "lanecraft-learn"];
@@ -39,6 +41,10 @@ fn run(arguments: &[String]) -> anyhow::Result<()> {
             execute(command("cargo", &arguments).env("LANECRAFT_LONG", "1"), "LANECRAFT_LONG=1 ")
         }
         Some("test") => test(&rest),
+        Some("bench") if rest.first() == Some(&"qp") => {
+            let release = ["run", "--locked", "--release", "--package", "lanecraft-bench-qp", "--"];
+            cargo(&[&release, &rest[1..]].concat())
+        }
         Some("bench") => {
             let release = ["run", "--locked", "--release", "--package", "lanecraft", "--", "bench"];
             cargo(&[&release, rest.as_slice()].concat())
