@@ -1,7 +1,7 @@
 //! The active set: its multipliers, the Cholesky factor of its dual curvature, and the step along the dual's pieces
 //! (docs/qp.md, Eqs. 9 to 12).
 
-use crate::linalg::dot;
+use crate::linalg::{Block, LANES, dot};
 use crate::responses::{Place, Responses};
 
 /// Smallest squared pivot, relative to the diagonal. A constraint that depends on those before it would have a pivot of
@@ -83,11 +83,14 @@ pub(crate) struct ActiveSet {
     pub(crate) items: Vec<Active>,
     /// Whether a constraint is in the set, by its number.
     member: Vec<bool>,
-    /// Lower triangle, row after row.
-    cholesky: Vec<f64>,
+    /// Lower triangle without its diagonal, row after row, each padded with zeros to whole blocks.
+    cholesky: Vec<Block>,
+    /// Its diagonal, and the reciprocals.
+    pivots: Vec<f64>,
+    inverses: Vec<f64>,
     /// Items, from the first on, whose rows `cholesky` holds.
     factored: usize,
-    direction: Vec<f64>,
+    direction: Vec<Block>,
 }
 
 impl ActiveSet {
@@ -95,9 +98,11 @@ impl ActiveSet {
         Self {
             items: Vec::with_capacity(capacity),
             member: vec![false; capacity],
-            cholesky: vec![0.0; capacity * (capacity + 1) / 2],
+            cholesky: vec![[0.0; LANES]; row_start(capacity)],
+            pivots: vec![0.0; capacity],
+            inverses: vec![0.0; capacity],
             factored: 0,
-            direction: vec![0.0; capacity],
+            direction: vec![[0.0; LANES]; capacity.div_ceil(LANES)],
         }
     }
 
@@ -120,43 +125,68 @@ impl ActiveSet {
         self.items.push(item);
     }
 
-    /// Brings the factor of M = Z Z' + diag(1/w2 where the slack is in use) up to date.
-    pub(crate) fn factor<const NX: usize>(&mut self, responses: &Responses<NX>) {
-        for i in self.factored..self.items.len() {
-            let item = &self.items[i];
-            let zi = responses.response(item.place);
-            let (done, row) = self.cholesky.split_at_mut(triangle(i));
-            for (j, other) in self.items[..i].iter().enumerate() {
-                let above = &done[triangle(j)..=triangle(j) + j];
-                let pivot = above[j];
-                row[j] = if pivot * pivot > 2.0 * PIVOT_FLOOR * other.curvature {
-                    let zj = responses.response(other.place);
-                    let common = zi.len().min(zj.len());
-                    let coupling = item.sign * other.sign * dot(&zi[..common], &zj[..common]);
-                    (coupling - dot(&row[..j], &above[..j])) / pivot
-                } else {
-                    // Next to a pivot of 0 stand zeros; what rounding leaves there must not be magnified.
-                    0.0
-                };
-            }
-            let diagonal = item.curvature + if item.soft { item.compliance } else { 0.0 };
-            row[i] = (diagonal - dot(&row[..i], &row[..i])).max(PIVOT_FLOOR * item.curvature).sqrt();
+    /// Brings the factor of M = Z Z' + diag(1/w2 where the slack is in use) up to date: block after block of columns, because
+    /// the rows of one block do not wait for each other.
+    pub(crate) fn factor<const NX: usize>(&mut self, responses: &mut Responses<NX>) {
+        let count = self.items.len();
+        for i in self.factored..count {
+            self.write_couplings(i, responses);
         }
-        self.factored = self.items.len();
+        for block in 0..count.div_ceil(LANES) {
+            let first = block * LANES;
+            for i in first.max(self.factored)..count {
+                self.eliminate(i, block);
+                if i < first + LANES {
+                    self.set_pivot(i);
+                }
+            }
+        }
+        self.factored = count;
+    }
+
+    /// Row `i` of M left of its diagonal.
+    fn write_couplings<const NX: usize>(&mut self, i: usize, responses: &mut Responses<NX>) {
+        let item = &self.items[i];
+        let start = row_start(i);
+        let row = &mut self.cholesky[start..start + i.div_ceil(LANES)];
+        row.fill([0.0; LANES]);
+        for (coupling, other) in row.as_flattened_mut().iter_mut().zip(&self.items[..i]) {
+            *coupling = item.sign * other.sign * responses.couple(item.place, other.place);
+        }
+    }
+
+    /// Turns one block of row `i` of M into that of its factor.
+    fn eliminate(&mut self, i: usize, block: usize) {
+        let (done, row) = self.cholesky.split_at_mut(row_start(i));
+        let columns = LANES.min(i - block * LANES);
+        substitute(done, &mut row[..i.div_ceil(LANES)], (block, columns), |j| {
+            // Next to a pivot of 0 stand zeros; what rounding leaves there must not be magnified.
+            let usable = self.pivots[j] * self.pivots[j] > 2.0 * PIVOT_FLOOR * self.items[j].curvature;
+            if usable { self.inverses[j] } else { 0.0 }
+        });
+    }
+
+    fn set_pivot(&mut self, i: usize) {
+        let item = &self.items[i];
+        let row = row_of(&self.cholesky, i);
+        let diagonal = item.curvature + if item.soft { item.compliance } else { 0.0 };
+        let pivot = (diagonal - dot(row, row)).max(PIVOT_FLOOR * item.curvature).sqrt();
+        (self.pivots[i], self.inverses[i]) = (pivot, 1.0 / pivot);
     }
 
     /// Solves M d = right-hand side in place, for the factored set.
-    pub(crate) fn solve(&self, d: &mut [f64]) {
-        for i in 0..d.len() {
-            let row = &self.cholesky[triangle(i)..=triangle(i) + i];
-            d[i] = (d[i] - dot(&row[..i], &d[..i])) / row[i];
+    pub(crate) fn solve(&self, d: &mut [Block]) {
+        let count = self.items.len();
+        for block in 0..count.div_ceil(LANES) {
+            substitute(&self.cholesky, d, (block, LANES.min(count - block * LANES)), |j| self.inverses[j]);
         }
-        for i in (0..d.len()).rev() {
-            let row = &self.cholesky[triangle(i)..=triangle(i) + i];
-            let v = d[i] / row[i];
-            d[i] = v;
-            for (dj, l) in d[..i].iter_mut().zip(row) {
-                *dj -= v * l;
+        for i in (0..count).rev() {
+            let v = d[i / LANES][i % LANES] * self.inverses[i];
+            d[i / LANES][i % LANES] = v;
+            for (d, row) in d.iter_mut().zip(row_of(&self.cholesky, i)) {
+                for lane in 0..LANES {
+                    d[lane] -= v * row[lane];
+                }
             }
         }
     }
@@ -164,14 +194,14 @@ impl ActiveSet {
     /// One Newton step on the dual, followed through the kinks at the L1 weights up to its maximum or the first multiplier 0.
     pub(crate) fn walk(&mut self) -> Walk {
         let mut direction = std::mem::take(&mut self.direction);
-        let d = &mut direction[..self.items.len()];
+        let d = direction.as_flattened_mut();
         for (d, item) in d.iter_mut().zip(&mut self.items) {
             *d = item.slope;
             // M d is the slope itself.
             item.fall = item.slope;
         }
-        self.solve(d);
-        let outcome = self.follow(d);
+        self.solve(&mut direction);
+        let outcome = self.follow(&direction.as_flattened()[..self.items.len()]);
         self.direction = direction;
         outcome
     }
@@ -259,30 +289,67 @@ impl ActiveSet {
             return;
         }
         for column in i..self.factored - 1 {
-            let (a, b) = self.pair(column + 1, column);
+            // The row below the diagonal has its last two entries here; what the rotation leaves of them is its pivot.
+            let (a, b) = (self.entries(column + 1)[column], self.pivots[column + 1]);
             let length = (a * a + b * b).sqrt();
             let (cos, sin) = (a / length, b / length);
-            for row in column + 1..self.factored {
-                let (a, b) = self.pair(row, column);
-                let at = triangle(row) + column;
-                self.cholesky[at] = cos * a + sin * b;
-                self.cholesky[at + 1] = cos * b - sin * a;
+            (self.pivots[column], self.inverses[column]) = (length, 1.0 / length);
+            for row in column + 2..self.factored {
+                let entries = self.entries(row);
+                let (a, b) = (entries[column], entries[column + 1]);
+                (entries[column], entries[column + 1]) = (cos * a + sin * b, cos * b - sin * a);
             }
         }
         for row in i + 1..self.factored {
-            self.cholesky.copy_within(triangle(row)..triangle(row) + row, triangle(row - 1));
+            // What was below the pivot's column is the pivot's row now.
+            self.entries(row)[row - 1] = 0.0;
+            let start = row_start(row);
+            self.cholesky.copy_within(start..start + (row - 1).div_ceil(LANES), row_start(row - 1));
         }
         self.factored -= 1;
     }
 
-    /// Entries `column` and `column` + 1 of a row of the factor.
-    fn pair(&self, row: usize, column: usize) -> (f64, f64) {
-        let at = triangle(row) + column;
-        (self.cholesky[at], self.cholesky[at + 1])
+    /// Row `i` of the factor, number by number.
+    fn entries(&mut self, i: usize) -> &mut [f64] {
+        let start = row_start(i);
+        self.cholesky[start..start + i.div_ceil(LANES)].as_flattened_mut()
     }
 }
 
-/// Where row `i` of a packed lower triangle begins.
-fn triangle(i: usize) -> usize {
-    i * (i + 1) / 2
+/// Where row `i` of the factor begins: the sum of the blocks of `m` numbers over all m < i.
+fn row_start(i: usize) -> usize {
+    let last = i.saturating_sub(1);
+    let full = last / LANES;
+    (LANES * full / 2 + last % LANES) * (full + 1)
+}
+
+/// One block of the solution of L y = right-hand side, in place; those before it are done. `inverse` has the reciprocals of
+/// the diagonal of L.
+fn substitute(cholesky: &[Block], y: &mut [Block], (block, count): (usize, usize), inverse: impl Fn(usize) -> f64) {
+    if count == 0 {
+        return;
+    }
+    let first = block * LANES;
+    let (before, rest) = y.split_at_mut(block);
+    let mut here = rest[0];
+    if block > 0 {
+        for (lane, value) in here[..count].iter_mut().enumerate() {
+            *value -= dot(before, row_of(cholesky, first + lane));
+        }
+    }
+    here[0] *= inverse(first);
+    for lane in 1..count {
+        let row = &cholesky[row_start(first + lane) + block];
+        let mut value = here[lane];
+        for m in 0..lane {
+            value -= here[m] * row[m];
+        }
+        here[lane] = value * inverse(first + lane);
+    }
+    rest[0] = here;
+}
+
+fn row_of(cholesky: &[Block], i: usize) -> &[Block] {
+    let start = row_start(i);
+    &cholesky[start..start + i.div_ceil(LANES)]
 }

@@ -15,7 +15,9 @@
 //! ```
 
 mod active;
+mod barrier;
 mod hold;
+mod interior;
 mod linalg;
 mod problem;
 mod responses;

@@ -5,11 +5,12 @@ pub(crate) type Vector<const N: usize> = [f64; N];
 pub(crate) type Matrix<const N: usize, const M: usize> = [[f64; M]; N];
 
 pub(crate) fn inner<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> f64 {
-    let mut sum = 0.0;
+    // Adding to -0 changes nothing, so that the first additions vanish.
+    let mut sums = [-0.0; 2];
     for i in 0..N {
-        sum += a[i] * b[i];
+        sums[i % 2] += a[i] * b[i];
     }
-    sum
+    sums[0] + sums[1]
 }
 
 /// y + A x.
@@ -61,20 +62,26 @@ pub(crate) fn product<const N: usize, const L: usize, const M: usize>(
     c
 }
 
-/// Inner product of slices of one length, in four interleaved sums so that they do not wait for each other.
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 4];
-    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
-    let tail: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(x, y)| x * y).sum();
-    for (x, y) in a4.zip(b4) {
-        for i in 0..4 {
+/// Numbers in a block of the longer vectors, which are padded with zeros to whole blocks.
+pub(crate) const LANES: usize = 8;
+pub(crate) type Block = [f64; LANES];
+
+/// Inner product over the common blocks, in interleaved sums so that they do not wait for each other.
+pub(crate) fn dot(a: &[Block], b: &[Block]) -> f64 {
+    let mut sums = [0.0; LANES];
+    for (x, y) in a.iter().zip(b) {
+        for i in 0..LANES {
             sums[i] += x[i] * y[i];
         }
     }
-    (sums[0] + sums[1]) + (sums[2] + sums[3]) + tail
+    ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7]))
 }
 
-/// Whether two slices hold the same bits.
-pub(crate) fn same_bits(a: &[f64], b: &[f64]) -> bool {
-    a.iter().zip(b).fold(0, |difference, (x, y)| difference | (x.to_bits() ^ y.to_bits())) == 0
+/// Bits in which two vectors differ.
+pub(crate) fn differing_bits<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> u64 {
+    let mut difference = 0;
+    for i in 0..N {
+        difference |= a[i].to_bits() ^ b[i].to_bits();
+    }
+    difference
 }

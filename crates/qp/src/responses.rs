@@ -1,6 +1,6 @@
 //! The responses of constraints, kept as long as the matrices they follow from.
 
-use crate::linalg::{Vector, same_bits};
+use crate::linalg::{Block, LANES, Vector, differing_bits, dot};
 use crate::problem::Problem;
 use crate::riccati::Riccati;
 
@@ -18,26 +18,36 @@ struct Known<const NX: usize> {
     input: f64,
     /// Slope of the constraint's value in `x_0`, under the unconstrained feedback.
     initial_slope: Vector<NX>,
+    /// z'z.
+    curvature: f64,
 }
 
 /// Responses z of all constraints (docs/qp.md, Eq. 7), computed when first asked for.
 #[derive(Clone, Debug)]
 pub(crate) struct Responses<const NX: usize> {
-    horizon: usize,
+    /// Blocks of a line.
+    width: usize,
     per_stage: usize,
-    /// One line of N numbers for each constraint, of which stage k uses the first k + 1.
-    values: Vec<f64>,
+    /// One line for each constraint, with N numbers of which stage k uses the first k + 1; the others are 0.
+    values: Vec<Block>,
     known: Vec<Known<NX>>,
+    /// Inner products of the responses, lower triangle row after row; NaN where not yet computed.
+    couplings: Vec<f64>,
+    /// Whether `couplings` is in use: it does not pay where the matrices change with every solve.
+    remembering: bool,
 }
 
 impl<const NX: usize> Responses<NX> {
     pub(crate) fn new(horizon: usize, per_stage: usize) -> Self {
-        let unknown = Known { valid: false, state: [0.0; NX], input: 0.0, initial_slope: [0.0; NX] };
+        let unknown = Known { valid: false, state: [0.0; NX], input: 0.0, initial_slope: [0.0; NX], curvature: 0.0 };
+        let width = horizon.div_ceil(LANES);
         Self {
-            horizon,
+            width,
             per_stage,
-            values: vec![0.0; horizon * horizon * per_stage],
+            values: vec![[0.0; LANES]; width * horizon * per_stage],
             known: vec![unknown; horizon * per_stage],
+            couplings: vec![0.0; horizon * per_stage * (horizon * per_stage + 1) / 2],
+            remembering: false,
         }
     }
 
@@ -45,6 +55,28 @@ impl<const NX: usize> Responses<NX> {
         for known in &mut self.known {
             known.valid = false;
         }
+        self.remembering = false;
+    }
+
+    /// Keeps inner products from now on, until a response changes.
+    pub(crate) fn remember_couplings(&mut self) {
+        if !self.remembering {
+            self.couplings.fill(f64::NAN);
+            self.remembering = true;
+        }
+    }
+
+    /// Inner product of two responses.
+    pub(crate) fn couple(&mut self, a: Place, b: Place) -> f64 {
+        if !self.remembering {
+            return dot(self.response(a), self.response(b));
+        }
+        let (low, high) = (self.id(a).min(self.id(b)), self.id(a).max(self.id(b)));
+        let at = high * (high + 1) / 2 + low;
+        if self.couplings[at].is_nan() {
+            self.couplings[at] = dot(self.response(a), self.response(b));
+        }
+        self.couplings[at]
     }
 
     /// Number of `place` among all constraints.
@@ -52,26 +84,40 @@ impl<const NX: usize> Responses<NX> {
         place.stage * self.per_stage + place.index
     }
 
-    /// Makes sure that the response of `place` is the one of `problem`.
-    pub(crate) fn learn<const NS: usize>(&mut self, riccati: &Riccati<NX>, problem: &Problem<NX, NS>, place: Place) {
+    /// The place with this number.
+    pub(crate) fn place(&self, id: usize) -> Place {
+        Place { stage: id / self.per_stage, index: id % self.per_stage }
+    }
+
+    /// Makes sure that the response of `place` is the one of `problem`; returns z'z.
+    pub(crate) fn learn<const NS: usize>(
+        &mut self,
+        riccati: &Riccati<NX>,
+        problem: &Problem<NX, NS>,
+        place: Place,
+    ) -> f64 {
         let id = self.id(place);
         let none = [0.0; NX];
         let (state, input) =
             problem.stages[place.stage].rows.get(place.index).map_or((&none, 1.0), |row| (&row.state, row.input));
         let known = &mut self.known[id];
-        if known.valid && same_bits(&known.state, state) && known.input.to_bits() == input.to_bits() {
-            return;
+        if known.valid && (differing_bits(&known.state, state) | (known.input.to_bits() ^ input.to_bits())) == 0 {
+            return known.curvature;
         }
-        let start = id * self.horizon;
-        let out = &mut self.values[start..=start + place.stage];
-        let initial_slope = riccati.respond(problem, (state, input), out);
-        *known = Known { valid: true, state: *state, input, initial_slope };
+        // What was remembered of the old response is wrong.
+        self.remembering &= !known.valid;
+        let start = id * self.width;
+        let out = &mut self.values[start..=start + place.stage / LANES];
+        let initial_slope = riccati.respond(problem, (state, input), &mut out.as_flattened_mut()[..=place.stage]);
+        let curvature = dot(out, out);
+        *known = Known { valid: true, state: *state, input, initial_slope, curvature };
+        curvature
     }
 
-    /// z of `place`: one number for each input up to its stage.
-    pub(crate) fn response(&self, place: Place) -> &[f64] {
-        let start = self.id(place) * self.horizon;
-        &self.values[start..=start + place.stage]
+    /// z of `place`: one number for each input up to its stage, and zeros up to a whole block.
+    pub(crate) fn response(&self, place: Place) -> &[Block] {
+        let start = self.id(place) * self.width;
+        &self.values[start..=start + place.stage / LANES]
     }
 
     /// Slope of the value of `place` in `x_0`.

@@ -1,6 +1,6 @@
 //! Riccati factorization of the cost in the inputs, and the two sweeps that use it (docs/qp.md, Eqs. 3 to 8).
 
-use crate::linalg::{Matrix, Vector, add_product, add_scaled, inner, product, same_bits, transpose_product};
+use crate::linalg::{Matrix, Vector, add_product, add_scaled, differing_bits, inner, product, transpose_product};
 use crate::problem::{Problem, Row, Stage};
 
 /// What the backward recursion leaves at stage k.
@@ -86,17 +86,20 @@ impl<const NX: usize> Riccati<NX> {
         self.valid = false;
     }
 
-    /// Factors anew unless A, B, Q and R have the bits of the last call; true if it did.
-    pub(crate) fn update<const NS: usize>(&mut self, problem: &Problem<NX, NS>) -> bool {
-        if self.valid && self.keys.iter().zip(&problem.stages).all(|(key, stage)| key.matches(stage)) {
-            return false;
-        }
+    /// Whether A, B, Q and R of `problem` have the bits of those that were factored last.
+    pub(crate) fn holds<const NS: usize>(&self, problem: &Problem<NX, NS>) -> bool {
+        self.valid
+            && self.keys.len() == problem.stages.len()
+            && self.keys.iter().zip(&problem.stages).all(|(key, stage)| key.matches(stage))
+    }
+
+    /// Factors A, B, Q and R, and keeps them.
+    pub(crate) fn update<const NS: usize>(&mut self, problem: &Problem<NX, NS>) {
         for (key, stage) in self.keys.iter_mut().zip(&problem.stages) {
             *key = Key { a: stage.a, b: stage.b, state_weight: stage.state_weight, input_weight: stage.input_weight };
         }
         self.factor(problem);
         self.valid = true;
-        true
     }
 
     /// Eq. 3, from the last stage to the first.
@@ -206,15 +209,17 @@ impl<const NX: usize> Riccati<NX> {
 
 impl<const NX: usize> Key<NX> {
     fn matches<const NS: usize>(&self, stage: &Stage<NX, NS>) -> bool {
-        same_bits(self.a.as_flattened(), stage.a.as_flattened())
-            && same_bits(&self.b, &stage.b)
-            && same_bits(&self.state_weight, &stage.state_weight)
-            && self.input_weight.to_bits() == stage.input_weight.to_bits()
+        let mut difference = self.input_weight.to_bits() ^ stage.input_weight.to_bits();
+        for (line, other) in self.a.iter().zip(&stage.a) {
+            difference |= differing_bits(line, other);
+        }
+        difference |= differing_bits(&self.b, &stage.b) | differing_bits(&self.state_weight, &stage.state_weight);
+        difference == 0
     }
 }
 
 /// L'P L + K'R K with L = A - B K: a sum of squares, so that rounding cannot make it indefinite (Joseph's form).
-fn symmetric_step<const NX: usize>(
+pub(crate) fn symmetric_step<const NX: usize>(
     cost_to_go: &Matrix<NX, NX>,
     closed_loop: &Matrix<NX, NX>,
     gain: &Vector<NX>,

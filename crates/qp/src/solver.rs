@@ -1,7 +1,8 @@
 //! The solver: a dual active-set method on the Riccati factorization (docs/qp.md, the loop).
 
 use crate::active::{Active, ActiveSet, Walk};
-use crate::linalg::dot;
+use crate::interior::Interior;
+use crate::linalg::{Block, LANES};
 use crate::problem::{Problem, Row};
 use crate::responses::{Place, Responses};
 use crate::riccati::{Multipliers, Riccati, Trajectory, row_value, step};
@@ -10,8 +11,15 @@ use crate::verdict::{ActiveRow, Constraint, Side, Start, Status, Verdict};
 
 /// Newton steps of one solve. Sequences of control problems stay below 30; the hardest made-up ones need some hundred.
 const ITERATION_BUDGET: u32 = 600;
+/// Sum of the sizes of the active sets of all Newton steps after which the interior point is asked for a better one: about the
+/// time that it takes.
+const WORK_BUDGET: usize = 1000;
+/// How much stiffer than the cost a barrier must have become to count as active.
+const STIFF: f64 = 3e4;
 /// Violation that counts as none, relative to the terms a constraint is summed from: some thousand rounding errors.
 const TOLERANCE: f64 = 1e-12;
+/// Violation of the active constraints that counts as none if another step leaves it as it is.
+const SETTLED: f64 = 1e-10;
 /// A solve ends as solved below this residual: rounding can keep ill-scaled problems above `TOLERANCE`.
 const ACCEPTED: f64 = 1e-6;
 /// Residual of the active constraints below which others may enter.
@@ -38,13 +46,17 @@ struct Candidate {
 const NO_CANDIDATE: Candidate = Candidate { index: 0, sign: 0.0, excess: 0.0, gain: 0.0 };
 
 /// The best there is outside the active set.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Price {
     /// Largest relative violation.
     violation: f64,
     /// Largest gain of a candidate.
     gain: f64,
+    /// Largest violation of a soft row, active or not; infinity if nobody looked.
+    slack_max: f64,
 }
+
+const NOT_PRICED: Price = Price { violation: 0.0, gain: 0.0, slack_max: f64::INFINITY };
 
 /// Solver of problems with NX states, NS soft rows per stage and a fixed horizon. A clone goes on exactly as the original.
 #[derive(Clone, Debug)]
@@ -58,8 +70,11 @@ pub struct Solver<const NX: usize, const NS: usize> {
     multipliers: Vec<Multipliers<NS>>,
     trajectory: Trajectory<NX>,
     candidates: Vec<Candidate>,
-    scratch: Vec<f64>,
+    scratch: Vec<Block>,
+    interior: Interior<NX, NS>,
     iterations: u32,
+    /// What is left of the work before the interior point is asked; without end once it was.
+    work: usize,
 }
 
 impl<const NX: usize, const NS: usize> Solver<NX, NS> {
@@ -75,8 +90,10 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             multipliers: vec![Multipliers { rows: [0.0; NS], input: 0.0 }; horizon],
             trajectory: Trajectory::new(horizon),
             candidates: vec![NO_CANDIDATE; horizon],
-            scratch: vec![0.0; capacity],
+            scratch: vec![[0.0; LANES]; capacity.div_ceil(LANES)],
+            interior: Interior::new(horizon),
             iterations: 0,
+            work: 0,
         }
     }
 
@@ -113,16 +130,21 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     /// Solves `problem`. Invalid input is detected before any arithmetic and leaves the solver as after [`Self::reset`].
     pub fn solve(&mut self, problem: &Problem<NX, NS>, start: Start) -> Verdict<NX> {
         self.iterations = 0;
-        if let Err(error) = validate(problem, self.horizon) {
+        self.work = WORK_BUDGET;
+        let kept = self.riccati.holds(problem);
+        if let Err(error) = validate(problem, self.horizon, kept) {
             self.reset();
             return self.verdict(Status::InvalidInput(error), f64::INFINITY);
         }
-        if self.riccati.update(problem) {
+        if kept {
+            self.responses.remember_couplings();
+        } else {
+            self.riccati.update(problem);
             self.responses.forget();
         }
         self.carry(problem, start);
-        let residual = self.maximize_dual(problem);
-        self.finish(problem, residual)
+        let rest = self.maximize_dual(problem);
+        self.finish(problem, &rest)
     }
 
     /// Takes over the active set of the last solve, as far as it has a meaning in this one.
@@ -135,24 +157,26 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             let old = self.carried[i];
             let Some(stage) = old.place.stage.checked_sub(stages) else { continue };
             let place = Place { stage, index: old.place.index };
-            self.enter(problem, place, old.sign, 0.0);
-            let Some(item) = self.active.items.last_mut() else { continue };
-            let multiplier = old.multiplier();
-            item.soft = multiplier > item.l1_weight;
-            item.amount = if item.soft { multiplier - item.l1_weight } else { multiplier };
-            if item.curvature == 0.0 || !item.bound.is_finite() {
-                self.active.remove(self.active.items.len() - 1);
-            }
+            self.resume(problem, place, old.sign, old.multiplier());
+        }
+    }
+
+    /// Adds a constraint with a multiplier, if it has a bound and inputs can move it.
+    fn resume(&mut self, problem: &Problem<NX, NS>, place: Place, sign: f64, multiplier: f64) {
+        self.enter(problem, place, sign, 0.0);
+        let Some(item) = self.active.items.last_mut() else { return };
+        item.soft = multiplier > item.l1_weight;
+        item.amount = if item.soft { multiplier - item.l1_weight } else { multiplier };
+        if item.curvature == 0.0 || !item.bound.is_finite() {
+            self.active.remove(self.active.items.len() - 1);
         }
     }
 
     /// Adds a constraint with multiplier 0, at which the slope of the dual is its violation.
     fn enter(&mut self, problem: &Problem<NX, NS>, place: Place, sign: f64, slope: f64) {
-        self.responses.learn(&self.riccati, problem, place);
+        let curvature = self.responses.learn(&self.riccati, problem, place);
         let row = problem.stages[place.stage].rows.get(place.index);
         let (lower, upper) = row.map_or((problem.input_min, problem.input_max), |row| (row.lower, row.upper));
-        let response = self.responses.response(place);
-        let curvature = dot(response, response);
         self.active.push(Active {
             place,
             id: self.responses.id(place),
@@ -170,23 +194,31 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
         });
     }
 
-    /// Raises the dual until no constraint is violated; returns the residual left.
-    fn maximize_dual(&mut self, problem: &Problem<NX, NS>) -> f64 {
+    /// Raises the dual until no constraint is violated; returns what is left, active constraints included.
+    fn maximize_dual(&mut self, problem: &Problem<NX, NS>) -> Price {
         let mut before = f64::INFINITY;
         let mut renewals = 0;
         loop {
             self.minimize_lagrangian(problem);
             let held = self.measure_slopes(problem);
             if !held.is_finite() {
-                return f64::INFINITY;
+                return Price { violation: f64::INFINITY, ..NOT_PRICED };
             }
             let stalled = held > 0.5 * before;
             before = held;
             // While Newton steps still improve the set at hand, the violations of the others say little.
-            let price = if stalled || held <= SETTLING { self.price(problem, held) } else { Price::default() };
-            let optimal = price.gain == 0.0 && (held <= TOLERANCE || (stalled && renewals == RENEWALS));
+            let price = if stalled || held <= SETTLING { self.price(problem, held) } else { NOT_PRICED };
+            let optimal =
+                price.gain == 0.0 && (held <= TOLERANCE || (stalled && (held <= SETTLED || renewals == RENEWALS)));
+            if !optimal && self.work == 0 {
+                self.work = usize::MAX;
+                if self.propose(problem) {
+                    before = f64::INFINITY;
+                    continue;
+                }
+            }
             if optimal || self.iterations >= ITERATION_BUDGET {
-                return held.max(price.violation);
+                return Price { violation: held.max(price.violation), ..price };
             }
             if price.gain > 0.0 {
                 self.enter_candidates(problem, price.gain);
@@ -200,11 +232,28 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
         }
     }
 
+    /// Replaces the active set by the one that the interior point finds; false if it finds none.
+    fn propose(&mut self, problem: &Problem<NX, NS>) -> bool {
+        if !self.interior.solve(problem, &self.trajectory.inputs) {
+            return false;
+        }
+        self.active.clear();
+        for id in 0..self.horizon * (NS + 1) {
+            let place = self.responses.place(id);
+            let (sign, multiplier, stiffness) = self.interior.pressure(place);
+            if stiffness > 0.0 && stiffness * self.responses.learn(&self.riccati, problem, place) > STIFF {
+                self.resume(problem, place, sign, multiplier);
+            }
+        }
+        true
+    }
+
     /// Newton steps on the dual until one ends at the maximum over the active set.
     fn ascend(&mut self) {
-        while self.iterations < ITERATION_BUDGET {
+        while self.iterations < ITERATION_BUDGET && self.work > 0 {
             self.iterations += 1;
-            self.active.factor(&self.responses);
+            self.work = self.work.saturating_sub(self.active.items.len());
+            self.active.factor(&mut self.responses);
             if self.active.walk() == Walk::Full {
                 return;
             }
@@ -252,41 +301,55 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     /// Finds the best candidate of each stage, among violations that stand out from the rounding in `held`.
     fn price(&mut self, problem: &Problem<NX, NS>, held: f64) -> Price {
         let threshold = TOLERANCE.max(10.0 * held);
-        let mut price = Price::default();
-        for (stage, data) in problem.stages.iter().enumerate() {
-            let (x, u) = (self.trajectory.states[stage], self.trajectory.inputs[stage]);
-            let mut best = NO_CANDIDATE;
-            for (index, row) in data.rows.iter().map(Some).chain([None]).enumerate() {
-                let value = row.map_or(u, |row| row_value(row, &x, u));
-                let (lower, upper) = row.map_or((problem.input_min, problem.input_max), |row| (row.lower, row.upper));
-                let (sign, bound) = if value > upper { (1.0, upper) } else { (-1.0, -lower) };
-                let excess = sign * value - bound;
-                let place = Place { stage, index };
-                if excess <= 0.0 || self.active.contains(self.responses.id(place)) {
-                    continue;
-                }
-                let violation = excess / (self.scale(row) + bound.abs());
-                // Not a number where the terms overflow: no answer then, rather than a wrong one.
-                price.violation = price.violation.max(if violation.is_nan() { f64::INFINITY } else { violation });
-                if violation > threshold {
-                    let gain = self.gain(problem, place, excess);
-                    if gain > best.gain {
-                        best = Candidate { index, sign, excess, gain };
-                    }
-                }
+        let mut price = Price { slack_max: 0.0, ..NOT_PRICED };
+        for stage in 0..self.horizon {
+            let (x, u) = (&self.trajectory.states[stage], self.trajectory.inputs[stage]);
+            let mut kept = u <= problem.input_max && u >= problem.input_min;
+            for row in &problem.stages[stage].rows {
+                let value = row_value(row, x, u);
+                let (above, below) = (value - row.upper, row.lower - value);
+                let excess = if above > below { above } else { below };
+                price.slack_max = if excess > price.slack_max { excess } else { price.slack_max };
+                kept &= excess <= 0.0;
             }
-            self.candidates[stage] = best;
-            price.gain = price.gain.max(best.gain);
+            self.candidates[stage].gain = 0.0;
+            if !kept {
+                self.price_stage(problem, stage, threshold, &mut price);
+            }
         }
         price
     }
 
+    fn price_stage(&mut self, problem: &Problem<NX, NS>, stage: usize, threshold: f64, price: &mut Price) {
+        let (x, u) = (self.trajectory.states[stage], self.trajectory.inputs[stage]);
+        let mut best = NO_CANDIDATE;
+        for (index, row) in problem.stages[stage].rows.iter().map(Some).chain([None]).enumerate() {
+            let value = row.map_or(u, |row| row_value(row, &x, u));
+            let (lower, upper) = row.map_or((problem.input_min, problem.input_max), |row| (row.lower, row.upper));
+            let (sign, bound) = if value > upper { (1.0, upper) } else { (-1.0, -lower) };
+            let excess = sign * value - bound;
+            let place = Place { stage, index };
+            if excess <= 0.0 || self.active.contains(self.responses.id(place)) {
+                continue;
+            }
+            let violation = excess / (self.scale(row) + bound.abs());
+            // Not a number where the terms overflow: no answer then, rather than a wrong one.
+            price.violation = price.violation.max(if violation.is_nan() { f64::INFINITY } else { violation });
+            if violation > threshold {
+                let gain = self.gain(problem, place, excess);
+                if gain > best.gain {
+                    best = Candidate { index, sign, excess, gain };
+                }
+            }
+        }
+        self.candidates[stage] = best;
+        price.gain = price.gain.max(best.gain);
+    }
+
     /// Twice what the dual would gain by this constraint alone.
     fn gain(&mut self, problem: &Problem<NX, NS>, place: Place, excess: f64) -> f64 {
-        self.responses.learn(&self.riccati, problem, place);
-        let response = self.responses.response(place);
         // Without response the gain is without bound.
-        (excess * excess / dot(response, response)).min(f64::MAX)
+        (excess * excess / self.responses.learn(&self.riccati, problem, place)).min(f64::MAX)
     }
 
     /// Enters the best candidate, and with it good ones that are peaks along the horizon.
@@ -310,23 +373,27 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     }
 
     /// Moves the inputs into their bounds and judges what has been reached.
-    fn finish(&mut self, problem: &Problem<NX, NS>, residual: f64) -> Verdict<NX> {
+    fn finish(&mut self, problem: &Problem<NX, NS>, rest: &Price) -> Verdict<NX> {
+        let residual = rest.violation;
         if !residual.is_finite() {
             self.active.clear();
         }
-        if self.project(problem) {
+        let mut slack_max = rest.slack_max;
+        if self.project(problem) || slack_max.is_infinite() {
             self.roll_out(problem);
+            slack_max = self.slack_max(problem);
         }
         let status = if residual <= ACCEPTED { Status::Solved } else { Status::IterationLimit };
-        Verdict { slack_max: self.slack_max(problem), feedback: self.feedback(), ..self.verdict(status, residual) }
+        Verdict { slack_max, feedback: self.feedback(), ..self.verdict(status, residual) }
     }
 
     /// Moves the inputs to their active bounds, which they meet but for rounding, and within the others; true if one moved.
     fn project(&mut self, problem: &Problem<NX, NS>) -> bool {
         let mut moved = false;
         for item in self.active.items.iter().filter(|item| item.place.index == NS) {
-            self.trajectory.inputs[item.place.stage] = item.sign * item.bound;
-            moved = true;
+            let u = &mut self.trajectory.inputs[item.place.stage];
+            moved |= *u != item.sign * item.bound;
+            *u = item.sign * item.bound;
         }
         for (u, stage) in self.trajectory.inputs.iter_mut().zip(&problem.stages) {
             let finite = if u.is_finite() { *u } else { stage.input_reference };
@@ -370,13 +437,12 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     /// Slope of `u_0` in `x_0` (docs/qp.md, Eq. 13).
     fn feedback(&mut self) -> [f64; NX] {
         let Some((mut feedback, root)) = self.riccati.first_gain() else { return [0.0; NX] };
-        self.active.factor(&self.responses);
-        let weights = &mut self.scratch[..self.active.items.len()];
-        for (weight, item) in weights.iter_mut().zip(&self.active.items) {
-            *weight = item.sign * self.responses.response(item.place)[0];
+        self.active.factor(&mut self.responses);
+        for (weight, item) in self.scratch.as_flattened_mut().iter_mut().zip(&self.active.items) {
+            *weight = item.sign * self.responses.response(item.place)[0][0];
         }
-        self.active.solve(weights);
-        for (weight, item) in weights.iter().zip(&self.active.items) {
+        self.active.solve(&mut self.scratch);
+        for (weight, item) in self.scratch.as_flattened().iter().zip(&self.active.items) {
             for (f, slope) in feedback.iter_mut().zip(self.responses.initial_slope(item.place)) {
                 *f -= root * weight * item.sign * slope;
             }

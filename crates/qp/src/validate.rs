@@ -82,45 +82,73 @@ pub enum InvalidInput {
     },
 }
 
-/// Checks every number of `problem`.
+/// Checks every number of `problem`; not A, B, Q and R if they are `known` to be valid.
 pub(crate) fn validate<const NX: usize, const NS: usize>(
     problem: &Problem<NX, NS>,
     horizon: usize,
+    known: bool,
 ) -> Result<(), InvalidInput> {
     if problem.stages.len() != horizon {
         return Err(InvalidInput::Horizon { expected: horizon, found: problem.stages.len() });
     }
     finite(&problem.initial_state, Field::InitialState, 0)?;
     ordered(problem.input_min, problem.input_max, Field::InputBounds, 0)?;
-    let mut suspects = problem.stages.iter().enumerate().filter(|(_, stage)| !is_valid(stage));
-    suspects.try_for_each(|(k, stage)| validate_stage(stage, k))
+    let mut taint = Taint::default();
+    let mut valid = true;
+    for stage in &problem.stages {
+        valid &= known || has_valid_matrices(stage, &mut taint);
+        valid &= has_valid_rows(stage, &mut taint);
+    }
+    if valid && taint.is_clean() {
+        return Ok(());
+    }
+    problem.stages.iter().enumerate().try_for_each(|(k, stage)| validate_stage(stage, k))
 }
 
-/// The answer of [`validate_stage`] without its reason and nearly without branches: all stages of all problems pass here.
-fn is_valid<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>) -> bool {
-    let mut valid = stage.input_weight > 0.0;
-    let mut tainted = taint(&[stage.input_weight, stage.input_reference])
-        + taint(&stage.b)
-        + taint(&stage.c)
-        + taint(&stage.state_weight)
-        + taint(&stage.state_reference);
-    for line in &stage.a {
-        tainted += taint(line);
+/// Sums of zero times each number: 0 if all are finite, NaN otherwise. Four of them, so that they do not wait for each other.
+#[derive(Default)]
+struct Taint([f64; 4]);
+
+impl Taint {
+    fn add<const N: usize>(&mut self, values: &[f64; N]) {
+        for (i, v) in values.iter().enumerate() {
+            self.0[i % 4] += v * 0.0;
+        }
     }
+
+    fn is_clean(&self) -> bool {
+        self.0 == [0.0; 4]
+    }
+}
+
+/// The answer of [`validate_stage`] without its reason and nearly without branches, together with the next one: all stages
+/// of all problems pass here.
+fn has_valid_matrices<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, taint: &mut Taint) -> bool {
+    for line in &stage.a {
+        taint.add(line);
+    }
+    taint.add(&stage.b);
+    taint.add(&stage.state_weight);
+    taint.add(&[stage.input_weight]);
+    let mut valid = stage.input_weight > 0.0;
     for weight in &stage.state_weight {
         valid &= *weight >= 0.0;
     }
+    valid
+}
+
+fn has_valid_rows<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, taint: &mut Taint) -> bool {
+    taint.add(&stage.c);
+    taint.add(&stage.state_reference);
+    let mut valid = true;
     for row in &stage.rows {
-        tainted += taint(&row.state) + taint(&[row.input, row.l1_weight, row.l2_weight]);
+        taint.add(&row.state);
+        taint.add(&[row.input, row.l1_weight, row.l2_weight]);
         valid &= row.l1_weight >= 0.0 && row.l2_weight > 0.0;
         valid &= row.lower <= row.upper && row.lower < f64::INFINITY && row.upper > f64::NEG_INFINITY;
     }
-    valid && tainted == 0.0
-}
-
-/// 0 if all numbers are finite, NaN otherwise.
-fn taint<const N: usize>(values: &[f64; N]) -> f64 {
-    values.iter().fold(0.0, |sum, v| sum + v * 0.0)
+    taint.add(&[stage.input_reference]);
+    valid
 }
 
 fn validate_stage<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, k: usize) -> Result<(), InvalidInput> {
