@@ -69,5 +69,8 @@ fn print_table(outcome: &Outcome) {
 fn long(count: usize) -> anyhow::Result<()> {
     let report = long::run(count);
     println!("{report}");
-    if report.failures > 0 { bail!("{} answers break a promise", report.failures) } else { Ok(()) }
+    if report.failures > 0 {
+        bail!("{} answers break a promise", report.failures);
+    }
+    Ok(())
 }
