@@ -1,7 +1,13 @@
 //! One inequality of the interior point, its slack eliminated in closed form (docs/qp.md, Eqs. 14 to 17).
 
-/// Halvings of the logarithm of the slack of a start.
-const BISECTIONS: u32 = 20;
+/// How often the slack of a start is improved; it need not be exact.
+const REFINEMENTS: u32 = 2;
+
+/// x > 0 with a x² + b x = c, for a, c > 0.
+fn positive_root(a: f64, b: f64, c: f64) -> f64 {
+    let root = (b * b + 4.0 * a * c).sqrt();
+    if b > 0.0 { 2.0 * c / (b + root) } else { (root - b) / (2.0 * a) }
+}
 
 /// `sign` (its value) + t = `bound` + s with t, s > 0, and the multipliers λ of t and v of s. Without slack if `l2_weight` is 0;
 /// not there if `bound` is infinite.
@@ -48,25 +54,19 @@ impl Barrier {
         inverse_slack: 1.0,
     };
 
-    /// A soft constraint at a value of its row, centered: λ t = v s = `gap`, with all residuals 0.
+    /// A soft constraint at a value of its row, centered: λ t = v s = `gap`, and nearly λ + v = w1 + w2 s.
     pub(crate) fn soft((sign, bound): (f64, f64), (l1, l2): (f64, f64), value: f64, gap: f64) -> Self {
         if bound == f64::INFINITY {
             return Self::NONE;
         }
         let violation = sign * value - bound;
-        let least = violation.max(0.0);
-        // With λ = w1 + w2 s - gap/s, λ (s - violation) rises from 0 to infinity where both factors are above 0: bisection of
-        // the exponent of what s has beyond `least`, as no more than a start is needed.
-        let (mut low, mut high) = ((1e-3 * (gap / l2).sqrt()).min(1e-3 * gap / l1), 4.0 * (gap / l2).sqrt());
-        for _ in 0..BISECTIONS {
-            let middle = (low * high).sqrt();
-            let slack = least + middle;
-            let multiplier = l1 + l2 * slack - gap / slack;
-            let below = multiplier < 0.0 || multiplier * (slack - violation) < gap;
-            *if below { &mut low } else { &mut high } = middle;
+        // The smaller x of s and t, which differ by the violation, solves w2 x² + (b - gap / (x + |violation|)) x = gap.
+        let b = l1 + l2 * violation.max(0.0);
+        let mut x = positive_root(l2, b, gap);
+        for _ in 0..REFINEMENTS {
+            x = positive_root(l2, b - gap / (x + violation.abs()), gap);
         }
-        let slack = least + high;
-        let distance = slack - violation;
+        let (slack, distance) = if violation > 0.0 { (x + violation, x) } else { (x, x - violation) };
         Self {
             sign,
             bound,
