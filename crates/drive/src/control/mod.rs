@@ -1,5 +1,7 @@
-//! The two model-predictive controllers, their limits, fall-backs and the guard behind them.
+//! The two model-predictive controllers, their limits, fall-backs and the guard behind them; classical
+//! controllers as baselines.
 
+pub mod classical;
 mod config;
 mod delay;
 mod guard;
