@@ -3,9 +3,11 @@
 pub(crate) mod bench;
 pub(crate) mod evaluate;
 pub(crate) mod irl;
+pub(crate) mod maneuvers;
 pub(crate) mod quickstart;
 pub(crate) mod replay;
 pub(crate) mod report;
+pub(crate) mod study;
 pub(crate) mod train;
 
 use clap::Subcommand;
@@ -24,6 +26,8 @@ pub(crate) enum Command {
     Report(report::Report),
     Replay(replay::Replay),
     Bench(bench::Bench),
+    Maneuvers(maneuvers::Maneuvers),
+    Study(study::Study),
 }
 
 /// Runs the command.
@@ -37,5 +41,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Report(command) => command.run(output),
         Command::Replay(command) => command.run(output),
         Command::Bench(command) => command.run(output),
+        Command::Maneuvers(command) => command.run(output),
+        Command::Study(command) => command.run(output),
     }
 }

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use crate::metrics::Interval;
 
 /// `text` with the characters escaped that mean something in HTML text or a quoted attribute.
-pub(super) fn escape(text: &str) -> String {
+pub(crate) fn escape(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {
         match character {
@@ -23,7 +23,7 @@ pub(super) fn escape(text: &str) -> String {
 }
 
 /// `value` with a fixed number of decimals, a real minus sign, and a dash where there is no number.
-pub(super) fn number(value: f64, decimals: usize) -> String {
+pub(crate) fn number(value: f64, decimals: usize) -> String {
     if !value.is_finite() {
         return "–".into();
     }
@@ -40,7 +40,7 @@ pub(super) fn number(value: f64, decimals: usize) -> String {
 }
 
 /// `[low, high]`, or nothing if neither end is a number.
-pub(super) fn range(interval: Interval, scale: f64, decimals: usize) -> String {
+pub(crate) fn range(interval: Interval, scale: f64, decimals: usize) -> String {
     if !interval.low.is_finite() && !interval.high.is_finite() {
         return String::new();
     }
@@ -48,7 +48,7 @@ pub(super) fn range(interval: Interval, scale: f64, decimals: usize) -> String {
 }
 
 /// `template` with each `{{name}}` replaced by its value. Values are not scanned again, so they may hold anything.
-pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
+pub(crate) fn fill(template: &str, values: &[(&str, &str)]) -> String {
     let mut filled = String::new();
     let mut rest = template;
     while let Some((before, after)) = rest.split_once("{{") {
@@ -62,7 +62,7 @@ pub(super) fn fill(template: &str, values: &[(&str, &str)]) -> String {
 }
 
 /// A section with its heading and a muted sentence below it (HTML); nothing if the content is empty.
-pub(super) fn section(heading: &str, note: &str, content: &str) -> String {
+pub(crate) fn section(heading: &str, note: &str, content: &str) -> String {
     if content.is_empty() {
         return String::new();
     }

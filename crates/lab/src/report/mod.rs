@@ -3,11 +3,11 @@
 //!
 //! The page loads nothing, and says so to the browser by its content security policy. Equal data give equal bytes.
 
-mod html;
+pub(crate) mod html;
 mod irl;
 mod player;
 mod plots;
-mod svg;
+pub(crate) mod svg;
 mod table;
 
 pub use irl::{IrlFeature, IrlSummary};

@@ -14,12 +14,12 @@ const SIZE: [f64; 2] = [500.0, 290.0];
 const MARGINS: [f64; 4] = [52.0, 12.0, 34.0, 44.0];
 
 /// Whether a value can be drawn: finite, and so small that differences stay finite.
-pub(super) fn drawable(value: f64) -> bool {
+pub(crate) fn drawable(value: f64) -> bool {
     value.abs() < 1e12
 }
 
 /// One axis: its name with the unit, its range and the distance between ticks.
-pub(super) struct Axis {
+pub(crate) struct Axis {
     name: String,
     low: f64,
     high: f64,
@@ -28,7 +28,7 @@ pub(super) struct Axis {
 
 impl Axis {
     /// An axis over all drawable values, extended to whole ticks.
-    pub(super) fn over(name: &str, values: impl IntoIterator<Item = f64>) -> Self {
+    pub(crate) fn over(name: &str, values: impl IntoIterator<Item = f64>) -> Self {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         for value in values.into_iter().filter(|x| drawable(*x)) {
             (low, high) = (low.min(value), high.max(value));
@@ -47,7 +47,7 @@ impl Axis {
     }
 
     /// An axis over exactly this range, for time.
-    pub(super) fn exactly(name: &str, low: f64, high: f64) -> Self {
+    pub(crate) fn exactly(name: &str, low: f64, high: f64) -> Self {
         let (low, high) = if drawable(low) && drawable(high) && high > low { (low, high) } else { (0.0, 1.0) };
         Self { name: name.into(), low, high, step: round_step((high - low) / 8.0) }
     }
@@ -84,7 +84,7 @@ fn round_step(rough: f64) -> f64 {
 }
 
 /// A plot that is being drawn.
-pub(super) struct Plot {
+pub(crate) struct Plot {
     x: Axis,
     y: Axis,
     body: String,
@@ -92,7 +92,7 @@ pub(super) struct Plot {
 
 impl Plot {
     /// The frame: grid, tick labels and axis names.
-    pub(super) fn new(x: Axis, y: Axis) -> Self {
+    pub(crate) fn new(x: Axis, y: Axis) -> Self {
         let mut plot = Self { x, y, body: String::new() };
         let ([left, right], [top, bottom]) = (Self::sides(), Self::ends());
         let mut frame = String::new();
@@ -138,7 +138,7 @@ impl Plot {
     }
 
     /// A line through the points, broken where one cannot be drawn, with the series' mark at its end.
-    pub(super) fn line(&mut self, points: &[[f64; 2]], series: usize) {
+    pub(crate) fn line(&mut self, points: &[[f64; 2]], series: usize) {
         let (mut path, mut last) = (String::new(), None);
         for point in points {
             let before = last;
@@ -152,14 +152,14 @@ impl Plot {
     }
 
     /// A series' mark at a point, if it can be drawn.
-    pub(super) fn point(&mut self, [x, y]: [f64; 2], series: usize) {
+    pub(crate) fn point(&mut self, [x, y]: [f64; 2], series: usize) {
         if drawable(x) && drawable(y) {
             self.body += &mark(self.x_px(x), self.y_px(y), series);
         }
     }
 
     /// A point with its intervals in both directions.
-    pub(super) fn point_with_intervals(&mut self, x: Interval, y: Interval, series: usize) {
+    pub(crate) fn point_with_intervals(&mut self, x: Interval, y: Interval, series: usize) {
         if !drawable(x.mean) || !drawable(y.mean) {
             return;
         }
@@ -178,7 +178,7 @@ impl Plot {
     }
 
     /// A shaded range of x with a name above it.
-    pub(super) fn band(&mut self, low: f64, high: f64, name: &str) {
+    pub(crate) fn band(&mut self, low: f64, high: f64, name: &str) {
         let [top, bottom] = Self::ends();
         let (x0, x1) = (self.x_px(low), self.x_px(high));
         let (width, height) = (x1 - x0, bottom - top);
@@ -196,7 +196,7 @@ impl Plot {
     }
 
     /// A dashed horizontal line, if it is in range.
-    pub(super) fn level(&mut self, y: f64) {
+    pub(crate) fn level(&mut self, y: f64) {
         if (0.0..=1.0).contains(&self.y.share(y)) {
             let [left, right] = Self::sides();
             let _ = writeln!(self.body, "<path class=\"lane\" d=\"M{left} {:.1}H{right}\"/>", self.y_px(y));
@@ -204,12 +204,12 @@ impl Plot {
     }
 
     /// The finished element, with a text alternative.
-    pub(super) fn finish(self, alternative: &str) -> String {
+    pub(crate) fn finish(self, alternative: &str) -> String {
         self.wrap(alternative, "")
     }
 
     /// The finished element with a cursor at x = 0 px that the player moves; attributes tell it the scale.
-    pub(super) fn finish_with_cursor(mut self, alternative: &str) -> String {
+    pub(crate) fn finish_with_cursor(mut self, alternative: &str) -> String {
         let ([left, right], [top, bottom]) = (Self::sides(), Self::ends());
         let _ = writeln!(self.body, "<path class=\"cursor\" d=\"M0 {top}V{bottom}\"/>");
         let (low, high) = (self.x.low, self.x.high);
@@ -224,7 +224,7 @@ impl Plot {
 }
 
 /// An `svg` element of class `plot`. Inline, it needs no name space.
-pub(super) fn element([width, height]: [f64; 2], alternative: &str, attributes: &str, body: &str) -> String {
+pub(crate) fn element([width, height]: [f64; 2], alternative: &str, attributes: &str, body: &str) -> String {
     let alternative = escape(alternative);
     format!(
         "<svg class=\"plot\" viewBox=\"0 0 {width} {height}\" role=\"img\" aria-label=\"{alternative}\"{attributes}>\n{body}</svg>\n"
@@ -232,12 +232,12 @@ pub(super) fn element([width, height]: [f64; 2], alternative: &str, attributes: 
 }
 
 /// Color and dash of a series: 8 colors, then the same dashed.
-pub(super) fn classes(series: usize) -> String {
+pub(crate) fn classes(series: usize) -> String {
     format!("s{} dash{}", series % 8, series / 8 % 3)
 }
 
 /// The mark of a series, a regular polygon that differs from its neighbors' also without color.
-pub(super) fn mark(x: f64, y: f64, series: usize) -> String {
+pub(crate) fn mark(x: f64, y: f64, series: usize) -> String {
     /// Corners, angle of the first one in degrees, radius.
     const SHAPES: [(u32, f64, f64); 8] = [
         (24, 0.0, 5.5),
