@@ -219,6 +219,7 @@ impl<const NX: usize> Key<NX> {
 }
 
 /// L'P L + K'R K with L = A - B K: a sum of squares, so that rounding cannot make it indefinite (Joseph's form).
+#[inline]
 pub(crate) fn symmetric_step<const NX: usize>(
     cost_to_go: &Matrix<NX, NX>,
     closed_loop: &Matrix<NX, NX>,
