@@ -14,6 +14,8 @@ const PEER_TOLERANCE: f64 = 1e-5;
 /// Of the input range, between answers whose active sets have come about on different ways.
 const POLISHED_TOLERANCE: f64 = 1e-6;
 const KKT_TOLERANCE: f64 = 1e-8;
+/// Without the interior point the stress case takes up to 380.
+const STEPS_MAX: u32 = 120;
 
 #[derive(Default)]
 struct Judge {
@@ -28,6 +30,7 @@ impl Visitor for Judge {
             let verdict = warm.solve(problem, Start::Shifted(1));
             assert_eq!(verdict.status, Status::Solved, "{name} {i}: {verdict:?}");
             assert!(verdict.kkt_residual <= KKT_TOLERANCE, "{name} {i}: {verdict:?}");
+            assert!(verdict.iterations <= STEPS_MAX, "{name} {i}: {verdict:?}");
             let range = problem.input_max - problem.input_min;
             // Solved from nothing, then once more from its own active set.
             let _ = polished.solve(problem, Start::Cold);

@@ -29,7 +29,7 @@ pub enum Status {
 pub struct Verdict<const NX: usize> {
     /// How the solve ended.
     pub status: Status,
-    /// Steps along the dual.
+    /// Steps along the dual; those of the interior point are not among them.
     pub iterations: u32,
     /// Constraints active at the end.
     pub active: u32,
