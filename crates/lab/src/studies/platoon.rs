@@ -28,6 +28,8 @@ const SPEED_MPS: f64 = 25.0;
 const SETTLE_S: f64 = 60.0;
 /// Time gaps tried for the model-predictive controller, s; its own is the first.
 const HEADWAYS_S: [f64; 6] = [0.5, 0.8, 1.0, 1.2, 1.5, 2.0];
+/// A smaller deviation of the speed is what is left of the start, m/s.
+const NOTHING_LEFT_MPS: f64 = 0.02;
 /// Periods of the sines, s.
 const SINE_PERIODS_S: [f64; 5] = [4.0, 8.0, 12.0, 20.0, 40.0];
 
@@ -136,9 +138,10 @@ pub(super) fn run() -> Result<StudyReport, StudyError> {
     })
 }
 
-/// Worst amplification from one car to the next.
+/// Worst amplification from one car to the next, as long as there is something left to amplify.
 fn worst_step(peaks: &[f64; CARS + 1]) -> f64 {
-    peaks.windows(2).map(|pair| pair[1] / pair[0]).fold(0.0, f64::max)
+    let steps = peaks.windows(2).filter(|pair| pair[0] > NOTHING_LEFT_MPS);
+    steps.map(|pair| pair[1] / pair[0]).fold(0.0, f64::max)
 }
 
 /// What a longer time gap does to the model-predictive platoon.

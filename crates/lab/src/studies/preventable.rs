@@ -76,9 +76,10 @@ pub(super) fn run() -> Result<StudyReport, StudyError> {
     let mut table = Table::new(
         "cells",
         "Cells by class: avoided by both; beyond = avoided, though the careful driver collides; unpreventable = neither avoids; hit = only the careful driver avoids",
-        &["panel", "cells", "avoided", "beyond", "unpreventable", "hit", "highest impact m/s"],
+        &["panel", "cells", "avoided", "beyond", "unpreventable", "hit", "highest own speed at impact m/s"],
     );
-    let mut hits = Table::new("hits", "Preventable collisions, one by one", &["panel", "x", "y", "impact m/s"]);
+    let mut hits =
+        Table::new("hits", "Preventable collisions, one by one", &["panel", "x", "y", "own speed at impact m/s"]);
     let mut figures = Vec::new();
     let mut totals = [0_usize; 4];
     for panel in panels() {
