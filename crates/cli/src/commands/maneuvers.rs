@@ -82,7 +82,10 @@ impl Maneuvers {
         if !failed.is_empty() {
             bail!("{} of {} maneuvers fail: {}", failed.len(), chosen.len(), failed.join(", "));
         }
-        output.note(&format!("all {} maneuvers pass", chosen.len()));
+        output.note(&match chosen.len() {
+            1 => "it passes".to_owned(),
+            count => format!("all {count} maneuvers pass"),
+        });
         Ok(())
     }
 }

@@ -40,7 +40,7 @@ pub(super) fn run() -> Result<StudyReport, StudyError> {
         obedience(&obeyed),
     ];
     let summary = "Recommended levels of q2: 3e-4 (smooth: below 0.1 m on every road here), 1e-3 (middle) and 3e-3 (exact). At 1e-4 the \
-         error passes 0.2 m at 20 m/s; from 3e-3 to 1e-2 it falls by no more than 2 cm and the delay margin by a third. Recommended \
+         error passes 0.2 m at 20 m/s; from 3e-3 to 1e-2 it falls by no more than 2 cm and the delay margin by a quarter or more. Recommended \
          levels of q1: 0.0025 (the decision is obeyed), 0.01 and 0.05 (the speed is pursued as well); at 0.1 a decision to brake \
          speeds the car up at 22 m/s, at the printed 0.25 everywhere."
         .to_owned();
