@@ -11,9 +11,9 @@ use crate::report::svg::{Axis, Plot};
 
 /// The lane changes of the second figure: speed (m/s), duration (s) and the level of q_2 chosen for it. The shorter the
 /// change, the tighter: the same level means a larger error at a shorter duration.
-const CHANGES: [(f64, f64, f64); 4] = [(20.0, 2.0, 1e-2), (25.0, 2.5, 1e-3), (30.0, 3.0, 1e-3), (33.0, 4.0, 1e-4)];
+const CHANGES: [(f64, f64, f64); 4] = [(20.0, 2.0, 3e-3), (25.0, 2.5, 1e-3), (30.0, 3.0, 1e-3), (33.0, 4.0, 3e-4)];
 /// The constant levels it is compared with.
-const CONSTANTS: [f64; 3] = [1e-4, 1e-3, 1e-2];
+const CONSTANTS: [f64; 3] = [3e-4, 1e-3, 3e-3];
 
 /// A trajectory in the plane, in degrees and degrees per second.
 struct Trajectory {
