@@ -45,7 +45,7 @@ fn the_same_seed_gives_the_same_bits_and_another_seed_does_not() {
 fn a_minute_of_driving_has_its_golden_digest() {
     let mut env = Env::new(&config(60.0), 1).expect("the default scenario can be built");
     drive_randomly(&mut env, &mut Stream::new(1, "golden"), 120);
-    assert_eq!(format!("{:016x}", env.digest()), "edabdca2273352ff");
+    assert_eq!(format!("{:016x}", env.digest()), "231b9b59d91d5965");
 }
 
 /// Every scenario that comes with the project can be driven through, the curve included.
@@ -142,7 +142,7 @@ fn a_lane_change_ends_in_the_middle_of_the_new_lane() {
             if finished && env.episode().counts.aborts == 0 {
                 changes += 1;
                 let off_m = env.ego().d_m - env.world().road().lane_center_m(env.driver().target_lane());
-                // q2 = 3e-3 tracks within centimeters (the lateral controller's own tests); the option ends up to a tick after t_c.
+                // q2 = 1e-2 tracks within centimeters (the lateral controller's own tests); the option ends up to a tick after t_c.
                 assert!(off_m.abs() < 0.15, "seed {seed}: {off_m} m off the center");
             }
         }

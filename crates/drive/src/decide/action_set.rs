@@ -27,10 +27,10 @@ pub enum LaneChangeActions {
 pub struct ActionsConfig {
     /// Reference accelerations of the keep actions, m/s² (Table II: +2, 0, −2).
     pub accel_levels_mps2: Vec<f64>,
-    /// Levels of q1 = P1/R1 that a keep action can choose, from the catalog of `lanecraft study pareto`: up to 0.05 a demand to brake
-    /// is obeyed. The printed tie R1 = 4 P1 fixes it at 0.25.
+    /// Levels of q1 = P1/R1 that a keep action can choose; `docs/motion-control.md` has the catalog and what other levels earn. The
+    /// printed tie R1 = 4 P1 fixes it at 0.25.
     pub speed_ratios: Vec<f64>,
-    /// Levels of q2 = P21/R2 that a lane change can choose, from the same catalog: smooth, middle, exact.
+    /// Levels of q2 = P21/R2 that a lane change can choose: smooth, middle, exact.
     pub path_ratios: Vec<f64>,
     /// One lane-change action, or one for each side.
     pub lane_change: LaneChangeActions,
@@ -44,8 +44,8 @@ impl Default for ActionsConfig {
     fn default() -> Self {
         Self {
             accel_levels_mps2: vec![2.0, 0.0, -2.0],
-            speed_ratios: vec![0.0025, 0.01, 0.05],
-            path_ratios: vec![3e-4, 1e-3, 3e-3],
+            speed_ratios: vec![0.0025, 0.025, 0.1],
+            path_ratios: vec![1e-4, 1e-3, 1e-2],
             lane_change: LaneChangeActions::LeftAndRight,
             keep_path_ratio: 1e-3,
             change_speed_ratio: 0.025,
@@ -240,8 +240,7 @@ mod tests {
     fn plain_actions_carry_the_constant_weights() {
         let set = ActionSet::new(&ActionsConfig::default()).expect("valid");
         let keep = set.plain(Maneuver::Keep { accel_mps2: 0.0 }).and_then(|a| set.decode(a)).expect("there is one");
-        // 0.05 is nearer to the constant 0.025 than 0.01 is, in octaves.
-        assert_eq!(keep.weights, ControlWeights { speed_ratio: 0.05, path_ratio: 1e-3 });
+        assert_eq!(keep.weights, ControlWeights { speed_ratio: 0.025, path_ratio: 1e-3 });
         let change = set.plain(Maneuver::Change(Side::Right)).and_then(|a| set.decode(a)).expect("there is one");
         assert_eq!(change.weights, ControlWeights { speed_ratio: 0.025, path_ratio: 1e-3 });
         assert_eq!(set.plain(Maneuver::ChangeWhereRoom), None);
