@@ -78,7 +78,13 @@ pub fn report(paths: &[PathBuf], progress: &Progress) -> Result<PathBuf, PageErr
 fn reading(first: &PolicyResult, comparisons: &[Comparison]) -> Vec<String> {
     let names = |beats: bool| {
         let names = comparisons.iter().filter(|c| c.beats() == beats).map(|c| c.other.as_str()).collect::<Vec<_>>();
-        if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+        (!names.is_empty()).then(|| names.join(", "))
+    };
+    let order = match (names(true), names(false)) {
+        (Some(beaten), None) => format!("In reward, scenario by scenario, it beats all others: {beaten}."),
+        (Some(beaten), Some(rest)) => format!("In reward, scenario by scenario, it beats {beaten}, but not {rest}."),
+        (None, Some(rest)) => format!("In reward, scenario by scenario, it beats none of the others: {rest}."),
+        (None, None) => String::new(),
     };
     let speed_kmph = 3.6 * first.speed_mps.mean;
     let collisions = 100.0 * first.collisions_per_episode.mean;
@@ -88,7 +94,7 @@ fn reading(first: &PolicyResult, comparisons: &[Comparison]) -> Vec<String> {
             "The policy {} drives {speed_kmph:.1} km/h on average and earns {:.2} per tick; {collisions:.1} % of {} episodes end in a collision (at most {most:.1} % with 95 % confidence).",
             first.policy, first.reward_per_tick.mean, first.episodes
         ),
-        format!("In reward, scenario by scenario, it beats: {}. It does not beat: {}.", names(true), names(false)),
+        order,
     ]
 }
 

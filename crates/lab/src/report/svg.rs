@@ -37,8 +37,9 @@ impl Axis {
             (low, high) = (0.0, 1.0);
         }
         if high - low < 1e-9 * high.abs().max(1e-3) {
-            let half = if low == 0.0 { 0.5 } else { 0.05 * low.abs() };
-            (low, high) = (low - half, high + half);
+            // All zero is the floor of what is counted, such as collisions; anything else stands in the middle.
+            let half = 0.05 * low.abs();
+            (low, high) = if low == 0.0 { (0.0, 1.0) } else { (low - half, high + half) };
         }
         let step = round_step((high - low) / 5.0);
         // The slack keeps a bound that lies on a tick, up to rounding, from adding another one.
