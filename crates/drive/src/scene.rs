@@ -38,6 +38,22 @@ pub struct Neighbor {
 }
 
 impl Neighbor {
+    /// A passenger car, 4.8 by 1.9 m, that keeps `lane` at constant speed.
+    pub fn car(id: VehicleId, lane: LaneIndex, d_m: f64, ahead_m: f64, speed_mps: f64) -> Self {
+        Self {
+            id,
+            ahead_m,
+            d_m,
+            speed_mps,
+            lateral_speed_mps: 0.0,
+            accel_mps2: 0.0,
+            length_m: 4.8,
+            width_m: 1.9,
+            lane,
+            target_lane: lane,
+        }
+    }
+
     /// Whether it stands in `lane`, leaves it or enters it.
     pub fn occupies(&self, lane: LaneIndex) -> bool {
         self.lane == lane || self.target_lane == lane

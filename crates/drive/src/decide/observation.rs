@@ -195,17 +195,8 @@ mod tests {
     use crate::vehicle::VehicleState;
 
     fn scene() -> Scene {
-        let neighbor = |id, ahead_m: f64, lane: u8| Neighbor {
-            id: VehicleId(id),
-            ahead_m,
-            d_m: 3.75 * f64::from(lane),
-            speed_mps: 20.0,
-            lateral_speed_mps: 0.0,
-            accel_mps2: 0.0,
-            length_m: 4.8,
-            width_m: 1.9,
-            lane: LaneIndex(lane),
-            target_lane: LaneIndex(lane),
+        let neighbor = |id, ahead_m: f64, lane: u8| {
+            Neighbor::car(VehicleId(id), LaneIndex(lane), 3.75 * f64::from(lane), ahead_m, 20.0)
         };
         Scene {
             road: Arc::new(Road::new(RoadConfig::default()).expect("valid")),

@@ -200,18 +200,7 @@ mod tests {
     use crate::vehicle::VehicleState;
 
     fn scene(speed_mps: f64, ahead_m: Option<f64>) -> Scene {
-        let neighbor = |ahead_m| Neighbor {
-            id: VehicleId(1),
-            ahead_m,
-            d_m: 0.0,
-            speed_mps,
-            lateral_speed_mps: 0.0,
-            accel_mps2: 0.0,
-            length_m: 4.8,
-            width_m: 1.9,
-            lane: LaneIndex(0),
-            target_lane: LaneIndex(0),
-        };
+        let neighbor = |ahead_m| Neighbor::car(VehicleId(1), LaneIndex(0), 0.0, ahead_m, speed_mps);
         Scene {
             road: Arc::new(Road::new(RoadConfig::default()).expect("valid")),
             ego: VehicleState { speed_mps, ..VehicleState::default() },

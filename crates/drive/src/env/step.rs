@@ -115,14 +115,7 @@ impl Env {
         let steps = self.episode.control_steps * u64::from(self.periods.plant_steps) + u64::from(plant_step);
         let time_s = steps as f64 * self.config.env.plant_period_s;
         let (side_force_n, yaw_moment_nm) = self.config.plant.wind_load(self.ego.speed_mps, time_s);
-        Contact {
-            adhesion: road.adhesion_at(s_m),
-            curvature_radpm: road.curvature_radpm(s_m),
-            grade: road.grade(s_m),
-            bank_rad: road.bank_rad(s_m),
-            side_force_n,
-            yaw_moment_nm,
-        }
+        Contact { side_force_n, yaw_moment_nm, ..Contact::at(road, s_m) }
     }
 
     fn measure(&mut self, accel_before_mps2: f64, quality: &mut TickQuality) {

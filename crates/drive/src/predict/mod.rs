@@ -97,18 +97,7 @@ pub(crate) mod tests {
     use crate::vehicle::VehicleState;
 
     pub(crate) fn neighbor(ahead_m: f64, speed_mps: f64, lane: u8) -> Neighbor {
-        Neighbor {
-            id: VehicleId(1),
-            ahead_m,
-            d_m: 3.75 * f64::from(lane),
-            speed_mps,
-            lateral_speed_mps: 0.0,
-            accel_mps2: 0.0,
-            length_m: 4.8,
-            width_m: 1.9,
-            lane: LaneIndex(lane),
-            target_lane: LaneIndex(lane),
-        }
+        Neighbor::car(VehicleId(1), LaneIndex(lane), 3.75 * f64::from(lane), ahead_m, speed_mps)
     }
 
     pub(crate) fn scene(neighbors: Vec<Neighbor>) -> Scene {

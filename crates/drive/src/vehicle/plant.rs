@@ -12,6 +12,7 @@
 //! two directions, F_x² + F_y² ≤ (μ F_z)², with F_x split between the axles as their loads are. The acceleration in the
 //! state is what the tires do, F_x / M; gravity comes on top.
 
+use crate::road::Road;
 use crate::vehicle::actuator::lagged;
 use crate::vehicle::options::LoadTransfer;
 use crate::vehicle::tire::{GRAVITY_MPS2, axle_force_n, slip_angles_rad};
@@ -43,6 +44,20 @@ pub struct Contact {
     pub side_force_n: f64,
     /// Moment of the wind about the vertical axis, N m, positive to the left.
     pub yaw_moment_nm: f64,
+}
+
+impl Contact {
+    /// What `road` does to a car at `s_m`, without wind.
+    pub fn at(road: &Road, s_m: f64) -> Self {
+        Self {
+            adhesion: road.adhesion_at(s_m),
+            curvature_radpm: road.curvature_radpm(s_m),
+            grade: road.grade(s_m),
+            bank_rad: road.bank_rad(s_m),
+            side_force_n: 0.0,
+            yaw_moment_nm: 0.0,
+        }
+    }
 }
 
 /// The state of the car `dt_s` later (0.01 s is meant), with `input` held.

@@ -231,14 +231,7 @@ impl<'a> Drive<'a> {
     fn contact(&self, time_s: f64) -> Contact {
         let (road, s_m) = (&self.scene.road, self.scene.ego.s_m);
         let (side_force_n, yaw_moment_nm) = self.options.wind_load(self.scene.ego.speed_mps, time_s);
-        Contact {
-            adhesion: road.adhesion_at(s_m),
-            curvature_radpm: road.curvature_radpm(s_m),
-            grade: road.grade(s_m),
-            bank_rad: road.bank_rad(s_m),
-            side_force_n,
-            yaw_moment_nm,
-        }
+        Contact { side_force_n, yaw_moment_nm, ..Contact::at(road, s_m) }
     }
 
     /// Brings the scene up to date with the scripted cars.

@@ -385,18 +385,7 @@ fn following_loop(speed_mps: f64) -> Result<Loop<3>, StudyError> {
 }
 
 fn leader(ahead_m: f64, speed_mps: f64) -> Neighbor {
-    Neighbor {
-        id: VehicleId(1),
-        ahead_m,
-        d_m: 0.0,
-        speed_mps,
-        lateral_speed_mps: 0.0,
-        accel_mps2: 0.0,
-        length_m: 4.8,
-        width_m: 1.9,
-        lane: LaneIndex(0),
-        target_lane: LaneIndex(0),
-    }
+    Neighbor::car(VehicleId(1), LaneIndex(0), 0.0, ahead_m, speed_mps)
 }
 
 /// The longest delay, s, for which `holds`, by bisection on hundredths of a second.

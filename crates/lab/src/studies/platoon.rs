@@ -227,18 +227,9 @@ impl Member {
     /// One control step behind a car in state `ahead`; gives the gap before it, m.
     fn advance(&mut self, ahead: &VehicleState, params: &VehicleParams, forecast: &mut Forecast) -> f64 {
         let lane = LaneIndex(0);
-        let neighbor = Neighbor {
-            id: VehicleId(1),
-            ahead_m: ahead.s_m - self.scene.ego.s_m,
-            d_m: 0.0,
-            speed_mps: ahead.speed_mps,
-            lateral_speed_mps: 0.0,
-            accel_mps2: ahead.accel_mps2,
-            length_m: params.length_m,
-            width_m: params.width_m,
-            lane,
-            target_lane: lane,
-        };
+        let car = Neighbor::car(VehicleId(1), lane, 0.0, ahead.s_m - self.scene.ego.s_m, ahead.speed_mps);
+        let (length_m, width_m) = (params.length_m, params.width_m);
+        let neighbor = Neighbor { accel_mps2: ahead.accel_mps2, length_m, width_m, ..car };
         let gap_m = neighbor.gap_m(params.length_m);
         self.scene.neighbors = vec![neighbor];
         Predictor::ConstantVelocity.forecast(&self.scene, forecast);

@@ -97,18 +97,8 @@ fn pi_control_holds_speed_and_time_gap() {
         let mut leader_s_m = 60.0;
         for _ in 0..1600 {
             leader_s_m += leader_mps * PERIOD_S;
-            scene.neighbors = vec![Neighbor {
-                id: VehicleId(1),
-                ahead_m: leader_s_m - scene.ego.s_m,
-                d_m: 0.0,
-                speed_mps: leader_mps,
-                lateral_speed_mps: 0.0,
-                accel_mps2: 0.0,
-                length_m: 4.8,
-                width_m: 1.9,
-                lane: LaneIndex(0),
-                target_lane: LaneIndex(0),
-            }];
+            scene.neighbors =
+                vec![Neighbor::car(VehicleId(1), LaneIndex(0), 0.0, leader_s_m - scene.ego.s_m, leader_mps)];
             let command = law.drive(&scene, &Forecast::default(), &goal, 0.0);
             step(&params, &mut scene, &ControlInput { accel_mps2: command.accel_mps2, steer_rad: 0.0 });
         }

@@ -44,14 +44,7 @@ impl Keeper {
             let road = &self.scene.road;
             let time_s = f64::from(5 * self.steps + k) * 0.01;
             let (side_force_n, yaw_moment_nm) = self.options.wind_load(ego.speed_mps, time_s);
-            let contact = Contact {
-                adhesion: road.adhesion_at(ego.s_m),
-                curvature_radpm: road.curvature_radpm(ego.s_m),
-                grade: road.grade(ego.s_m),
-                bank_rad: road.bank_rad(ego.s_m),
-                side_force_n,
-                yaw_moment_nm,
-            };
+            let contact = Contact { side_force_n, yaw_moment_nm, ..Contact::at(road, ego.s_m) };
             self.scene.ego = self.plant.step(ego, input, &contact, 0.01);
         }
         self.steps += 1;

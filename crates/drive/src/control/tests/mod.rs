@@ -30,18 +30,7 @@ fn scene(speed_mps: f64, adhesion: f64) -> Scene {
 }
 
 fn leader(gap_m: f64, speed_mps: f64) -> Neighbor {
-    Neighbor {
-        id: VehicleId(7),
-        ahead_m: gap_m + 4.8,
-        d_m: 0.0,
-        speed_mps,
-        lateral_speed_mps: 0.0,
-        accel_mps2: 0.0,
-        length_m: 4.8,
-        width_m: 1.9,
-        lane: LaneIndex(0),
-        target_lane: LaneIndex(0),
-    }
+    Neighbor::car(VehicleId(7), LaneIndex(0), 0.0, gap_m + 4.8, speed_mps)
 }
 
 /// Every neighbor keeps its speed.
