@@ -32,6 +32,7 @@ pub fn write<const NX: usize, const NS: usize>(
     }
     numbers.extend(answers.iter().flat_map(|(input, time_us)| [*input, *time_us]));
     let bytes: Vec<u8> = numbers.iter().flat_map(|v| v.to_le_bytes()).collect();
+    fs::create_dir_all(folder).with_context(|| format!("cannot create `{}`", folder.display()))?;
     let path = folder.join(format!("{name}.bin"));
     fs::write(&path, bytes).with_context(|| format!("cannot write `{}`", path.display()))
 }
