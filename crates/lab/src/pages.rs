@@ -9,12 +9,12 @@ use crate::config::{RunConfig, SeedRole};
 use crate::evaluate::{Comparison, PolicyEpisodes, compare};
 use crate::human_reward::{HUMAN_REWARD, summary};
 use crate::irl::IrlReport;
-use crate::judge::{JudgeError, TIMES, TRACE, judge, read_episodes};
+use crate::judge::{EPISODES, JudgeError, TIMES, TRACE, judge, read_episodes};
 use crate::metrics::PolicyResult;
 use crate::policy::run_name;
 use crate::progress::Progress;
 use crate::report::{ReportData, render};
-use crate::run_dir::{RunDir, RunDirError};
+use crate::run_dir::{RunDir, RunDirError, atomic};
 use crate::runs;
 use crate::trace_file::read_trace;
 
@@ -49,7 +49,7 @@ pub fn report(paths: &[PathBuf], progress: &Progress) -> Result<PathBuf, PageErr
     for path in paths {
         let (run, _) = RunDir::open(path).map_err(JudgeError::from)?;
         let config = runs::read_config(path).map_err(JudgeError::from)?;
-        if !path.join(crate::judge::EPISODES).exists() {
+        if !path.join(EPISODES).exists() {
             judge(&run, &config, None, progress)?;
         }
         let found = read_episodes(path).map_err(JudgeError::from)?;
@@ -57,11 +57,14 @@ pub fn report(paths: &[PathBuf], progress: &Progress) -> Result<PathBuf, PageErr
             return Err(PageError::NotPaired { first: paths[0].clone(), other: path.clone() });
         }
         // Rules drive alike in paired scenarios; once is enough.
-        episodes.extend(
-            found.into_iter().filter(|of| !episodes.iter().any(|known| known.policy == of.policy)).collect::<Vec<_>>(),
-        );
+        for of in found {
+            if !episodes.iter().any(|known| known.policy == of.policy) {
+                episodes.push(of);
+            }
+        }
         add_run(&mut data, path, &config)?;
     }
+    runs_first(&mut episodes);
     let results =
         episodes.iter().map(PolicyEpisodes::result).collect::<Result<Vec<_>, _>>().map_err(JudgeError::from)?;
     let comparisons = compare(&episodes).map_err(JudgeError::from)?;
@@ -69,7 +72,7 @@ pub fn report(paths: &[PathBuf], progress: &Progress) -> Result<PathBuf, PageErr
     data.statements = comparisons.iter().map(Comparison::to_string).collect();
     data.results = results;
     let path = paths[0].join(REPORT);
-    crate::run_dir::atomic::write(&path, render(&data).as_bytes()).map_err(JudgeError::from)?;
+    atomic::write(&path, render(&data).as_bytes()).map_err(JudgeError::from)?;
     Ok(path)
 }
 
@@ -101,6 +104,11 @@ fn reading(first: &PolicyResult, comparisons: &[Comparison]) -> Vec<String> {
 fn title(paths: &[PathBuf]) -> String {
     let names: Vec<String> = paths.iter().map(|path| run_name(path)).collect();
     format!("Lanecraft: {}", names.join(", "))
+}
+
+/// Runs before rules, else in the order given.
+fn runs_first(episodes: &mut [PolicyEpisodes]) {
+    episodes.sort_by_key(|of| of.policy.starts_with("rule:"));
 }
 
 fn paired(known: &[PolicyEpisodes], found: &[PolicyEpisodes]) -> bool {
@@ -138,4 +146,17 @@ fn read_json<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, RunDirError>
     let text = fs::read(path).map_err(RunDirError::io("read", path))?;
     let broken = |error: serde_json::Error| RunDirError::Broken { path: path.to_owned(), message: error.to_string() };
     serde_json::from_slice(&text).map(Some).map_err(broken)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{PolicyEpisodes, runs_first};
+
+    #[test]
+    fn runs_stand_before_rules_in_the_order_given() {
+        let of = |policy: &str| PolicyEpisodes { policy: policy.to_owned(), episodes: Vec::new() };
+        let mut episodes = ["b", "rule:random", "rule:best-lane", "a"].map(of);
+        runs_first(&mut episodes);
+        assert_eq!(episodes.map(|of| of.policy), ["b", "a", "rule:random", "rule:best-lane"]);
+    }
 }
