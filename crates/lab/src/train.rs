@@ -181,11 +181,6 @@ impl Trainer {
         self.learner.policy()
     }
 
-    /// The learner's settings.
-    pub fn learner_config(&self) -> &LearnerConfig {
-        self.learner.config()
-    }
-
     /// Decisions taken.
     pub fn decisions(&self) -> u64 {
         self.decisions

@@ -27,11 +27,7 @@ fn scene(speed_mps: f64, curvature_radpm: f64) -> Scene {
 
 fn step(params: &VehicleParams, scene: &mut Scene, input: &ControlInput) {
     for _ in 0..5 {
-        let contact = Contact {
-            adhesion: scene.road.adhesion(),
-            curvature_radpm: scene.road.curvature_radpm(scene.ego.s_m),
-            ..Contact::default()
-        };
+        let contact = Contact::at(&scene.road, scene.ego.s_m);
         scene.ego = vehicle::step(params, &scene.ego, input, &contact, 0.01);
     }
 }
