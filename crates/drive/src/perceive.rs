@@ -43,7 +43,7 @@ pub fn perceive(config: &PerceptionConfig, world: &World, ego: &VehicleState, sc
     scene.ego = *ego;
     scene.ego_lane = scene.road.nearest_lane(ego.d_m);
     scene.neighbors.clear();
-    for vehicle in world.vehicles() {
+    for vehicle in world.vehicles_near(ego.s_m, config.range_m) {
         let ahead_m = scene.road.ahead_m(ego.s_m, vehicle.s_m);
         if ahead_m.abs() <= config.range_m {
             scene.neighbors.push(Neighbor {

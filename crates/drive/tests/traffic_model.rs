@@ -4,6 +4,7 @@ use lanecraft_drive::road::{LaneIndex, RoadConfig, Topology};
 use lanecraft_drive::scenario::{
     EgoStart, ScenarioDistribution, ScenarioFile, TrafficConfig, VehicleKind, VehicleStart,
 };
+use lanecraft_drive::scene::VehicleId;
 use lanecraft_drive::traffic::{ExternalBody, World};
 
 /// An ego that stands beside the road and concerns nobody.
@@ -157,8 +158,8 @@ vehicles = [
     let mut world = World::new(&file.scenario(0).expect("valid")).expect("possible");
     let mut body = ExternalBody { d_m: 3.75, speed_mps: 25.0, target_lane: LaneIndex(1), ..ABSENT };
     (0..80).any(|_| {
-        body.s_m = world.vehicle(0).s_m - 22.0 - 4.8;
-        body.speed_mps = world.vehicle(0).speed_mps + 5.0;
+        body.s_m = world.vehicle(VehicleId(0)).expect("on the road").s_m - 22.0 - 4.8;
+        body.speed_mps = world.vehicle(VehicleId(0)).expect("on the road").speed_mps + 5.0;
         world.set_ego(body);
         world.step(body, 0.05).lane_changes > 0
     })

@@ -1,10 +1,18 @@
-//! The human-driven vehicles as a structure of arrays; the index is the vehicle's id.
+//! The human-driven vehicles as a structure of arrays in the order of their positions.
+//!
+//! The index into the arrays is the vehicle's slot. Slots follow each other along the road, so that every pass over the traffic
+//! reads memory in order, and the nearest vehicles stand in the nearest slots. A vehicle that overtakes changes its slot; its id
+//! stays.
 
 use crate::models::idm::IdmParams;
-use crate::models::safe_distance::ballistic_step;
 use crate::road::{LaneIndex, Road};
-use crate::scenario::{Scenario, VehicleKind, VehicleSpec};
+use crate::scenario::VehicleSpec;
 use crate::scene::VehicleId;
+
+/// No slot: the vehicle has left.
+const GONE: u32 = u32::MAX;
+/// The step of a lane change that never was.
+pub(super) const NEVER: i64 = i64::MIN;
 
 /// One human-driven vehicle as others see it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,38 +39,76 @@ pub struct Vehicle {
     pub target_lane: LaneIndex,
 }
 
-/// A lane change under way.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct LaneChange {
-    /// Steps done.
-    pub(super) done_steps: u32,
-    /// Steps in all; 0 if no change is under way.
-    pub(super) total_steps: u32,
+/// Writes the columns once: all that handles whole vehicles follows from this list.
+macro_rules! columns {
+    ($($(#[$doc:meta])* $name:ident: $entry:ty,)*) => {
+        /// All vehicles, by rising position and id.
+        #[derive(Clone, Debug, PartialEq)]
+        pub(super) struct Fleet {
+            $($(#[$doc])* pub(super) $name: Vec<$entry>,)*
+            /// The slot of each id from `first_id` on.
+            slots: Vec<u32>,
+            /// All ids below have left.
+            first_id: u32,
+            /// Ids of those that change lane or have just arrived, in the order of their starts.
+            pub(super) changing: Vec<u32>,
+            /// Length of the ring, infinite on an open road, m.
+            pub(super) ring_m: f64,
+        }
+
+        /// One vehicle's entries.
+        struct Row { $($name: $entry,)* }
+
+        impl Fleet {
+            fn empty(ring_m: f64) -> Self {
+                Self { $($name: Vec::new(),)* slots: Vec::new(), first_id: 0, changing: Vec::new(), ring_m }
+            }
+
+            fn insert_row(&mut self, slot: usize, row: Row) {
+                $(self.$name.insert(slot, row.$name);)*
+            }
+
+            fn remove_row(&mut self, slot: usize) {
+                $(self.$name.remove(slot);)*
+            }
+
+            fn swap_rows(&mut self, a: usize, b: usize) {
+                $(self.$name.swap(a, b);)*
+            }
+
+            fn rotate_rows_right(&mut self, count: usize) {
+                $(self.$name.rotate_right(count);)*
+            }
+        }
+    };
 }
 
-/// All vehicles.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Fleet {
-    pub(super) s_m: Vec<f64>,
-    pub(super) d_m: Vec<f64>,
-    pub(super) speed_mps: Vec<f64>,
-    pub(super) lateral_speed_mps: Vec<f64>,
-    pub(super) accel_mps2: Vec<f64>,
-    pub(super) lane: Vec<u8>,
-    pub(super) target_lane: Vec<u8>,
-    pub(super) change: Vec<LaneChange>,
-    /// Steps until the next change may start.
-    pub(super) cooldown_steps: Vec<u32>,
-    /// Steps since the last change started; saturates.
-    pub(super) since_change_steps: Vec<u32>,
-    /// Steps left of a stress brake.
-    pub(super) brake_steps: Vec<u32>,
-    /// Displacement in the last step, along the road and to the left, m.
-    pub(super) moved_m: Vec<(f64, f64)>,
-    pub(super) half_length_m: Vec<f64>,
-    pub(super) half_width_m: Vec<f64>,
-    pub(super) driver: Vec<IdmParams>,
-    pub(super) max_brake_mps2: Vec<f64>,
+columns! {
+    /// Which vehicle.
+    id: u32,
+    s_m: f64,
+    d_m: f64,
+    speed_mps: f64,
+    lateral_speed_mps: f64,
+    accel_mps2: f64,
+    /// The occupied lanes as bits: both during a change.
+    lanes: u8,
+    lane: u8,
+    target_lane: u8,
+    /// The step in which the last lane change started.
+    changed_step: i64,
+    /// Steps that the last lane change takes in all.
+    change_steps: u32,
+    /// The first step in which the next change may start.
+    free_step: i64,
+    /// Displacement in the last step along the road, m.
+    moved_m: f64,
+    /// Displacement in the last step to the left, m.
+    moved_left_m: f64,
+    half_length_m: f64,
+    half_width_m: f64,
+    driver: IdmParams,
+    max_brake_mps2: f64,
 }
 
 /// A duration in steps, at least one.
@@ -71,93 +117,143 @@ pub(super) fn steps(duration_s: f64, dt_s: f64) -> u32 {
 }
 
 impl Fleet {
-    pub(super) fn new(scenario: &Scenario, dt_s: f64) -> Self {
-        let vehicles = &scenario.vehicles;
-        let each = |f: &dyn Fn(&VehicleSpec) -> f64| vehicles.iter().map(f).collect::<Vec<_>>();
-        let lane: Vec<u8> = vehicles.iter().map(|vehicle| vehicle.lane.0).collect();
-        let count = vehicles.len();
-        Self {
-            s_m: each(&|vehicle| scenario.road.wrap_m(vehicle.s_m)),
-            d_m: each(&|vehicle| scenario.road.lane_center_m(vehicle.lane)),
-            speed_mps: each(&|vehicle| vehicle.speed_mps),
-            lateral_speed_mps: vec![0.0; count],
-            accel_mps2: vec![0.0; count],
-            target_lane: lane.clone(),
-            lane,
-            change: vec![LaneChange::default(); count],
-            cooldown_steps: vehicles.iter().map(|vehicle| steps(vehicle.cooldown_s, dt_s)).collect(),
-            since_change_steps: vec![u32::MAX; count],
-            brake_steps: vec![0; count],
-            moved_m: vec![(0.0, 0.0); count],
-            half_length_m: each(&|vehicle| 0.5 * VehicleKind::length_m(vehicle.kind)),
-            half_width_m: each(&|vehicle| 0.5 * VehicleKind::width_m(vehicle.kind)),
-            driver: vehicles.iter().map(|vehicle| vehicle.driver).collect(),
-            max_brake_mps2: each(&|vehicle| vehicle.max_brake_mps2),
+    /// The vehicles of a scene with the index as the id; `free_steps`: the first step in which each may change lane.
+    pub(super) fn new(specs: &[VehicleSpec], free_steps: &[i64], road: &Road, ring_m: f64) -> Self {
+        let mut fleet = Self::empty(ring_m);
+        let mut order: Vec<(f64, usize)> = specs.iter().map(|spec| road.wrap_m(spec.s_m)).zip(0..).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        for (slot, &(_, id)) in order.iter().enumerate() {
+            fleet.insert_row(slot, row(id as u32, &specs[id], road, free_steps[id]));
+        }
+        fleet.slots = vec![GONE; specs.len()];
+        fleet.number_slots(0..specs.len());
+        fleet.changing.reserve(specs.len());
+        fleet
+    }
+
+    /// Adds a vehicle; returns its id, which no other ever had.
+    pub(super) fn insert(&mut self, spec: &VehicleSpec, road: &Road, free_step: i64) -> VehicleId {
+        let id = self.first_id + self.slots.len() as u32;
+        let row = row(id, spec, road, free_step);
+        let slot = self.s_m.partition_point(|&s_m| s_m <= row.s_m);
+        self.insert_row(slot, row);
+        self.slots.push(GONE);
+        self.number_slots(slot..self.len());
+        VehicleId(id)
+    }
+
+    /// Takes a vehicle off the road; returns whether there was one of this id.
+    pub(super) fn remove(&mut self, id: VehicleId) -> bool {
+        let Some(slot) = self.slot(id) else { return false };
+        self.remove_row(slot);
+        self.slots[(id.0 - self.first_id) as usize] = GONE;
+        self.number_slots(slot..self.len());
+        self.changing.retain(|&changing| changing != id.0);
+        // Where vehicles enter and leave all the time, ids that have left must not pile up.
+        let gone = self.slots.iter().take_while(|&&slot| slot == GONE).count();
+        if 2 * gone > self.slots.len() {
+            self.slots.drain(..gone);
+            self.first_id += gone as u32;
+        }
+        true
+    }
+
+    fn number_slots(&mut self, slots: std::ops::Range<usize>) {
+        for slot in slots {
+            self.slots[(self.id[slot] - self.first_id) as usize] = slot as u32;
         }
     }
 
     pub(super) fn len(&self) -> usize {
-        self.s_m.len()
+        self.id.len()
     }
 
-    /// The occupied lanes as bits: both during a change.
-    pub(super) fn lane_bits(&self, i: usize) -> u8 {
-        (1 << self.lane[i]) | (1 << self.target_lane[i])
+    /// Where the vehicle of this id stands, if it is on the road.
+    pub(super) fn slot(&self, id: VehicleId) -> Option<usize> {
+        let index = id.0.checked_sub(self.first_id)?;
+        self.slots.get(index as usize).filter(|&&slot| slot != GONE).map(|&slot| slot as usize)
     }
 
-    pub(super) fn vehicle(&self, i: usize) -> Vehicle {
+    /// All ids on the road, and some that have left.
+    pub(super) fn ids(&self) -> std::ops::Range<u32> {
+        self.first_id..self.first_id + self.slots.len() as u32
+    }
+
+    /// The slots by rising id.
+    pub(super) fn by_id(&self) -> impl Iterator<Item = usize> + '_ {
+        self.slots.iter().filter(|&&slot| slot != GONE).map(|&slot| slot as usize)
+    }
+
+    /// Restores the order after a step: those that passed the ring's end are turned to the front, the rest is nearly sorted, which
+    /// insertion does in near linear time.
+    pub(super) fn sort(&mut self) {
+        if self.ring_m.is_finite() {
+            // Whoever stands nearer to the start than it has moved has just passed it.
+            let moved = self.s_m.iter().zip(&self.moved_m).rev();
+            let passed = moved.take_while(|(s_m, moved_m)| s_m < moved_m).count();
+            if passed > 0 {
+                self.rotate_rows_right(passed);
+                self.number_slots(0..self.len());
+            }
+        }
+        for slot in 1..self.len() {
+            if self.s_m[slot - 1] >= self.s_m[slot] {
+                self.sink(slot);
+            }
+        }
+    }
+
+    /// Moves the vehicle of this slot back to its place among those before it.
+    fn sink(&mut self, mut slot: usize) {
+        let top = slot;
+        while slot > 0 && (self.s_m[slot], self.id[slot]) < (self.s_m[slot - 1], self.id[slot - 1]) {
+            self.swap_rows(slot - 1, slot);
+            slot -= 1;
+        }
+        self.number_slots(slot..top + 1);
+    }
+
+    /// Sets the lanes of the vehicle in this slot.
+    pub(super) fn occupy(&mut self, slot: usize, lane: u8, target_lane: u8) {
+        (self.lane[slot], self.target_lane[slot]) = (lane, target_lane);
+        self.lanes[slot] = (1 << lane) | (1 << target_lane);
+    }
+
+    pub(super) fn vehicle(&self, slot: usize) -> Vehicle {
         Vehicle {
-            id: VehicleId(i as u32),
-            s_m: self.s_m[i],
-            d_m: self.d_m[i],
-            speed_mps: self.speed_mps[i],
-            lateral_speed_mps: self.lateral_speed_mps[i],
-            accel_mps2: self.accel_mps2[i],
-            length_m: 2.0 * self.half_length_m[i],
-            width_m: 2.0 * self.half_width_m[i],
-            lane: LaneIndex(self.lane[i]),
-            target_lane: LaneIndex(self.target_lane[i]),
+            id: VehicleId(self.id[slot]),
+            s_m: self.s_m[slot],
+            d_m: self.d_m[slot],
+            speed_mps: self.speed_mps[slot],
+            lateral_speed_mps: self.lateral_speed_mps[slot],
+            accel_mps2: self.accel_mps2[slot],
+            length_m: 2.0 * self.half_length_m[slot],
+            width_m: 2.0 * self.half_width_m[slot],
+            lane: LaneIndex(self.lane[slot]),
+            target_lane: LaneIndex(self.target_lane[slot]),
         }
     }
+}
 
-    /// Moves vehicle `i` through a step at its acceleration, and sideways along its change.
-    pub(super) fn advance(&mut self, i: usize, road: &Road, ring_m: f64, dt_s: f64) {
-        let speed_mps = self.speed_mps[i];
-        let (moved_m, next_mps) = ballistic_step(speed_mps, self.accel_mps2[i], dt_s);
-        self.speed_mps[i] = next_mps;
-        // A stop within the step makes the mean gentler than the demand.
-        if next_mps == 0.0 {
-            self.accel_mps2[i] = -speed_mps / dt_s + 0.0;
-        }
-        let s_m = self.s_m[i] + moved_m;
-        self.s_m[i] = if s_m >= ring_m { s_m - ring_m } else { s_m };
-        let before_m = self.d_m[i];
-        if self.change[i].total_steps > 0 {
-            self.advance_change(i, road, dt_s);
-        }
-        self.moved_m[i] = (moved_m, self.d_m[i] - before_m);
-        self.cooldown_steps[i] = self.cooldown_steps[i].saturating_sub(1);
-        self.since_change_steps[i] = self.since_change_steps[i].saturating_add(1);
-        self.brake_steps[i] = self.brake_steps[i].saturating_sub(1);
-    }
-
-    /// A quintic in time from center to center with zero lateral speed and acceleration at both ends.
-    fn advance_change(&mut self, i: usize, road: &Road, dt_s: f64) {
-        let change = &mut self.change[i];
-        change.done_steps += 1;
-        let (from_m, to_m) =
-            (road.lane_center_m(LaneIndex(self.lane[i])), road.lane_center_m(LaneIndex(self.target_lane[i])));
-        if change.done_steps >= change.total_steps {
-            *change = LaneChange::default();
-            self.d_m[i] = to_m;
-            self.lateral_speed_mps[i] = 0.0;
-            self.lane[i] = self.target_lane[i];
-            return;
-        }
-        let total_s = f64::from(change.total_steps) * dt_s;
-        let t = f64::from(change.done_steps) / f64::from(change.total_steps);
-        let rest = 1.0 - t;
-        self.d_m[i] = from_m + (to_m - from_m) * t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
-        self.lateral_speed_mps[i] = (to_m - from_m) * 30.0 * t * t * rest * rest / total_s;
+fn row(id: u32, spec: &VehicleSpec, road: &Road, free_step: i64) -> Row {
+    Row {
+        id,
+        s_m: road.wrap_m(spec.s_m),
+        d_m: road.lane_center_m(spec.lane),
+        speed_mps: spec.speed_mps,
+        lateral_speed_mps: 0.0,
+        accel_mps2: 0.0,
+        lanes: 1 << spec.lane.0,
+        lane: spec.lane.0,
+        target_lane: spec.lane.0,
+        changed_step: NEVER,
+        change_steps: 0,
+        free_step,
+        moved_m: 0.0,
+        moved_left_m: 0.0,
+        half_length_m: 0.5 * spec.kind.length_m(),
+        half_width_m: 0.5 * spec.kind.width_m(),
+        driver: spec.driver,
+        max_brake_mps2: spec.max_brake_mps2,
     }
 }

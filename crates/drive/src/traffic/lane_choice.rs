@@ -1,10 +1,12 @@
 //! When human drivers change lane: MOBIL for the wish, the law of the safe distance for the permission.
 
 use super::World;
-use super::fleet::{LaneChange, steps};
+use super::fleet::steps;
+use super::following::Obstacle;
 use crate::models::idm::{IdmParams, idm_accel, idm_free_accel};
 use crate::models::mobil::{AccelChange, MobilParams, MobilSituation, mobil_gain};
 use crate::road::{LaneIndex, Side};
+use crate::scene::VehicleId;
 
 /// Reaction that a courteous driver grants an ego behind it, s: a control step and drive lag of 0.3 s, then the mean delay of a
 /// braking force that builds up at 25 m/s³ to 8 m/s².
@@ -23,30 +25,29 @@ impl World {
     /// Lets every driver whose turn it is look at the lanes beside it, by rising id: a claim is seen by all later ones. Returns the
     /// number of changes started.
     pub(super) fn choose_lanes(&mut self, dt_s: f64) -> u32 {
-        let period = u64::from(steps(self.traffic.lane_decision_period_s, dt_s));
-        let first = (period - self.time_step % period) % period;
+        let period = i64::from(steps(self.traffic.lane_decision_period_s, dt_s));
+        let change_steps = steps(self.traffic.lane_change_duration_s, dt_s);
+        let pause_steps = steps(self.traffic.lane_change_cooldown_s, dt_s).max(change_steps);
+        let ids = self.fleet.ids();
+        let first = ids.start + (-self.now - i64::from(ids.start)).rem_euclid(period) as u32;
         let mut started = 0;
-        for i in (first as usize..self.fleet.len()).step_by(period as usize) {
-            let fleet = &self.fleet;
-            let busy = fleet.lane[i] != fleet.target_lane[i] || fleet.cooldown_steps[i] > 0 || fleet.brake_steps[i] > 0;
-            if busy {
-                continue;
-            }
+        for id in (first..ids.end).step_by(period as usize).map(VehicleId) {
+            let Some(i) = self.fleet.slot(id).filter(|&i| self.may_change(i)) else { continue };
             if let Some(lane) = self.best_lane(i) {
-                self.start_change(i, lane, dt_s);
+                self.start_change(i, lane, change_steps);
+                self.fleet.free_step[i] = self.now + i64::from(pause_steps);
                 started += 1;
             }
         }
         started
     }
 
-    fn start_change(&mut self, i: usize, lane: u8, dt_s: f64) {
-        self.neighbors.claim(i, lane, &self.fleet);
-        let total_steps = steps(self.traffic.lane_change_duration_s, dt_s);
-        self.fleet.target_lane[i] = lane;
-        self.fleet.change[i] = LaneChange { done_steps: 0, total_steps };
-        self.fleet.cooldown_steps[i] = steps(self.traffic.lane_change_cooldown_s, dt_s).max(total_steps);
-        self.fleet.since_change_steps[i] = 0;
+    /// Whether the driver of slot `i` is free to change lane: neither in a change, nor in the pause after one, nor under a command.
+    fn may_change(&self, i: usize) -> bool {
+        let fleet = &self.fleet;
+        fleet.lane[i] == fleet.target_lane[i]
+            && fleet.free_step[i] <= self.now
+            && !self.is_commanded(VehicleId(fleet.id[i]))
     }
 
     /// The lane beside that is safe and pays most; of equal ones the left.
@@ -68,19 +69,20 @@ impl World {
     /// Whether `i` in `lane` would be safe behind its leaders and its followers behind it.
     fn is_safe(&self, i: usize, lane: u8) -> bool {
         let speed_mps = self.fleet.speed_mps[i];
-        let ahead_is_safe = self.neighbors.ahead(i, lane).is_none_or(|j| {
-            self.gap_m(i, j) >= self.limits(i, false).required_gap_m(speed_mps, self.fleet.speed_mps[j])
+        let ahead_is_safe = self.fleet.ahead(i, lane).is_none_or(|j| {
+            self.fleet.gap_m(i, j) >= self.limits(i, false).required_gap_m(speed_mps, self.fleet.speed_mps[j])
         });
-        let behind_is_safe = self.neighbors.behind(i, lane).is_none_or(|j| {
-            self.gap_m(j, i) >= self.limits(j, false).required_gap_m(self.fleet.speed_mps[j], speed_mps)
+        let behind_is_safe = self.fleet.behind(i, lane).is_none_or(|j| {
+            self.fleet.gap_m(j, i) >= self.limits(j, false).required_gap_m(self.fleet.speed_mps[j], speed_mps)
         });
-        ahead_is_safe && behind_is_safe && self.is_safe_for_ego(i, lane)
+        let end_is_safe = self.obstacle_gap_m(i, lane) >= self.limits(i, false).required_gap_m(speed_mps, 0.0);
+        ahead_is_safe && behind_is_safe && end_is_safe && self.is_safe_for_ego(i, lane)
     }
 
     fn is_safe_for_ego(&self, i: usize, lane: u8) -> bool {
         let Some(ego) = self.ego.as_ref().filter(|ego| ego.occupies(lane)) else { return true };
         let speed_mps = self.fleet.speed_mps[i];
-        let (ahead, gap_m) = self.ego_gap_m(i, ego);
+        let (ahead, gap_m) = ego.gap_m(&self.fleet, i);
         if ahead {
             return gap_m >= self.limits(i, true).required_gap_m(speed_mps, ego.speed_mps);
         }
@@ -121,15 +123,26 @@ impl World {
         mobil_gain(&situation, &params)
     }
 
-    /// The nearest ahead of `i` in `lane`, the ego included.
+    /// The nearest ahead of `i` in `lane`, the ego and obstacles included.
     fn front(&self, i: usize, lane: u8) -> Option<Other> {
-        let human = self.neighbors.ahead(i, lane).map(|j| self.other(j, self.gap_m(i, j)));
-        nearer(human, self.ego_as_other(i, lane, true))
+        let human = self.fleet.ahead(i, lane).map(|j| self.other(j, self.fleet.gap_m(i, j)));
+        let gap_m = self.obstacle_gap_m(i, lane);
+        let obstacle = (gap_m < f64::INFINITY).then_some(Other { gap_m, speed_mps: 0.0, driver: self.fleet.driver[i] });
+        nearer(nearer(human, obstacle), self.ego_as_other(i, lane, true))
+    }
+
+    /// How far it is from slot `i` to the next obstacle ahead in `lane`, infinite if there is none, m.
+    fn obstacle_gap_m(&self, i: usize, lane: u8) -> f64 {
+        let gap_m =
+            |obstacle: &Obstacle| self.fleet.ahead_m(self.fleet.s_m[i], obstacle.s_m) - self.fleet.half_length_m[i];
+        let in_lane = self.obstacles.iter().filter(|obstacle| obstacle.lane.0 == lane);
+        let ahead = in_lane.filter(|obstacle| self.fleet.is_ring() || obstacle.s_m >= self.fleet.s_m[i]);
+        ahead.map(gap_m).fold(f64::INFINITY, f64::min)
     }
 
     /// The nearest behind `i` in `lane`, the ego included.
     fn rear(&self, i: usize, lane: u8) -> Option<Other> {
-        let human = self.neighbors.behind(i, lane).map(|j| self.other(j, self.gap_m(j, i)));
+        let human = self.fleet.behind(i, lane).map(|j| self.other(j, self.fleet.gap_m(j, i)));
         nearer(human, self.ego_as_other(i, lane, false))
     }
 
@@ -140,7 +153,7 @@ impl World {
     /// The ego, if it is in `lane` and on the wanted side; it is taken for a driver like `i` who wants no less than its speed.
     fn ego_as_other(&self, i: usize, lane: u8, wanted_ahead: bool) -> Option<Other> {
         let ego = self.ego.as_ref().filter(|ego| ego.occupies(lane))?;
-        let (ahead, gap_m) = self.ego_gap_m(i, ego);
+        let (ahead, gap_m) = ego.gap_m(&self.fleet, i);
         let own = self.fleet.driver[i];
         let driver = IdmParams { desired_speed_mps: own.desired_speed_mps.max(ego.speed_mps), ..own };
         (ahead == wanted_ahead).then_some(Other { gap_m, speed_mps: ego.speed_mps, driver })

@@ -6,12 +6,19 @@
 //! therefore nobody ever touches anybody, whatever the ego does: its presence adds a leader but never hides one.
 
 mod collision;
+mod command;
+mod digest;
 mod fleet;
+mod following;
 mod lane_choice;
+mod motion;
 mod neighbors;
+mod overlaps;
 mod placement;
 mod world;
 
 pub use collision::{Collision, FaultClass};
+pub use command::{Command, TrackPoint};
 pub use fleet::Vehicle;
+pub use following::Obstacle;
 pub use world::{ExternalBody, StepEvents, World};

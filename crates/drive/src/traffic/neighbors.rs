@@ -1,133 +1,88 @@
-//! Who is ahead and behind, in every lane: one order along the road, one sweep over it in each direction.
+//! Who is ahead and behind: the slots stand in the order of the road, so that neighbors are found by looking along them.
 
 use super::fleet::Fleet;
 
-/// More lanes than any road has.
-pub(super) const MAX_LANES: usize = 8;
-/// No vehicle.
-pub(super) const NONE: u32 = u32::MAX;
-
-/// The vehicles along the road and each one's neighbors in each lane.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Neighbors {
-    /// Ids by rising (position, id).
-    order: Vec<u32>,
-    /// Each vehicle's place in `order`.
-    rank: Vec<u32>,
-    /// For each vehicle and lane, the nearest vehicle ahead that occupies the lane.
-    ahead: Vec<[u32; MAX_LANES]>,
-    /// Likewise behind.
-    behind: Vec<[u32; MAX_LANES]>,
-    /// Whether the last vehicle follows the first.
-    ring: bool,
-}
-
-impl Neighbors {
-    pub(super) fn new(fleet: &Fleet, ring: bool) -> Self {
-        let count = fleet.len();
-        let mut order: Vec<u32> = (0..count as u32).collect();
-        order.sort_by(|&a, &b| fleet.s_m[a as usize].total_cmp(&fleet.s_m[b as usize]).then(a.cmp(&b)));
-        let none = vec![[NONE; MAX_LANES]; count];
-        let mut neighbors = Self { order, rank: vec![0; count], ahead: none.clone(), behind: none, ring };
-        neighbors.sweep(fleet);
-        neighbors
-    }
-
-    pub(super) fn order(&self) -> &[u32] {
-        &self.order
-    }
-
-    /// The nearest other vehicle ahead of `i` in `lane`.
+impl Fleet {
+    /// The nearest other vehicle ahead of slot `i` in `lane`.
     pub(super) fn ahead(&self, i: usize, lane: u8) -> Option<usize> {
-        let found = self.ahead[i][usize::from(lane)];
-        (found != NONE && found as usize != i).then_some(found as usize)
+        let occupies = |lanes: &u8| lanes & (1 << lane) != 0;
+        let onward = self.lanes[i + 1..].iter().position(occupies).map(|offset| i + 1 + offset);
+        // On a ring the last is followed by the first.
+        onward.or_else(|| self.lanes[..self.seam(i)].iter().position(occupies))
     }
 
-    /// The nearest other vehicle behind `i` in `lane`.
+    /// The nearest other vehicle behind slot `i` in `lane`.
     pub(super) fn behind(&self, i: usize, lane: u8) -> Option<usize> {
-        let found = self.behind[i][usize::from(lane)];
-        (found != NONE && found as usize != i).then_some(found as usize)
+        let occupies = |lanes: &u8| lanes & (1 << lane) != 0;
+        let back = self.lanes[..i].iter().rposition(occupies);
+        let seam = if self.is_ring() { i + 1 } else { self.len() };
+        back.or_else(|| self.lanes[seam..].iter().rposition(occupies).map(|offset| seam + offset))
     }
 
-    /// Restores the order after a step: those that passed the ring's end are turned to the front, the rest is nearly sorted, which
-    /// insertion does in near linear time.
-    pub(super) fn sort(&mut self, fleet: &Fleet) {
-        let s_m = &fleet.s_m;
-        let order = &mut self.order;
-        if self.ring {
-            // Whoever stands nearer to the start than it has moved has just passed it.
-            let passed = order.iter().rev().take_while(|&&i| s_m[i as usize] < fleet.moved_m[i as usize].0).count();
-            order.rotate_right(passed);
+    /// The vehicle that is the nearest behind a place, or at it, in `lane`.
+    pub(super) fn nearest_behind(&self, s_m: f64, lane: u8) -> Option<usize> {
+        let occupies = |lanes: &u8| lanes & (1 << lane) != 0;
+        let place = self.s_m.partition_point(|&other_m| other_m <= s_m);
+        let back = self.lanes[..place].iter().rposition(occupies);
+        let seam = if self.is_ring() { place } else { self.len() };
+        back.or_else(|| self.lanes[seam..].iter().rposition(occupies).map(|offset| seam + offset))
+    }
+
+    /// The vehicle that is the nearest ahead of a place in `lane`.
+    pub(super) fn nearest_ahead(&self, s_m: f64, lane: u8) -> Option<usize> {
+        let occupies = |lanes: &u8| lanes & (1 << lane) != 0;
+        let place = self.s_m.partition_point(|&other_m| other_m <= s_m);
+        let onward = self.lanes[place..].iter().position(occupies).map(|offset| place + offset);
+        onward.or_else(|| self.lanes[..self.seam(place)].iter().position(occupies))
+    }
+
+    /// How many of the first slots lie ahead of slot `i` across the ring's end.
+    fn seam(&self, i: usize) -> usize {
+        if self.is_ring() { i } else { 0 }
+    }
+
+    pub(super) fn is_ring(&self) -> bool {
+        self.ring_m.is_finite()
+    }
+
+    /// The slots of all vehicles within `range_m` of a place, across the ring's end, too: those further along the road first if that
+    /// end lies between, else by rising position.
+    pub(super) fn near(&self, s_m: f64, range_m: f64) -> impl Iterator<Item = usize> + '_ {
+        let between = |from_m: f64, to_m: f64| {
+            let first = self.s_m.partition_point(|&s_m| s_m < from_m);
+            first..self.s_m.partition_point(|&s_m| s_m <= to_m).max(first)
+        };
+        let (from_m, to_m) = (s_m - range_m, s_m + range_m);
+        let whole = 2.0 * range_m >= self.ring_m;
+        let here = if whole { 0..self.len() } else { between(from_m, to_m) };
+        let (mut before, mut beyond) = (0..0, 0..0);
+        if !whole && self.is_ring() {
+            before = between(from_m + self.ring_m, f64::INFINITY);
+            beyond = between(f64::NEG_INFINITY, to_m - self.ring_m);
         }
-        for k in 1..order.len() {
-            let moving = order[k];
-            let key_m = s_m[moving as usize];
-            let mut place = k;
-            while place > 0 {
-                let before = order[place - 1];
-                let before_m = s_m[before as usize];
-                if before_m < key_m || (before_m == key_m && before < moving) {
-                    break;
-                }
-                order[place] = before;
-                place -= 1;
-            }
-            order[place] = moving;
+        before.chain(here).chain(beyond)
+    }
+
+    /// How far `to_m` lies ahead, never behind on a ring, m. Both positions are wrapped.
+    pub(super) fn ahead_m(&self, from_m: f64, to_m: f64) -> f64 {
+        let ahead_m = to_m - from_m;
+        if ahead_m < 0.0 && self.is_ring() { ahead_m + self.ring_m } else { ahead_m }
+    }
+
+    /// How far `to_m` lies ahead, negative behind, by the shorter way on a ring, m. Both positions are wrapped.
+    pub(super) fn signed_ahead_m(&self, from_m: f64, to_m: f64) -> f64 {
+        let ahead_m = to_m - from_m;
+        if ahead_m > 0.5 * self.ring_m {
+            ahead_m - self.ring_m
+        } else if ahead_m < -0.5 * self.ring_m {
+            ahead_m + self.ring_m
+        } else {
+            ahead_m
         }
     }
 
-    /// Finds all neighbors anew.
-    pub(super) fn sweep(&mut self, fleet: &Fleet) {
-        let mut seen = [NONE; MAX_LANES];
-        if self.ring {
-            // Ahead of the last is the first of each lane.
-            self.order.iter().rev().for_each(|&id| note(&mut seen, fleet, id));
-        }
-        for (rank, &id) in self.order.iter().enumerate().rev() {
-            self.rank[id as usize] = rank as u32;
-            self.ahead[id as usize] = seen;
-            note(&mut seen, fleet, id);
-        }
-        let mut seen = [NONE; MAX_LANES];
-        if self.ring {
-            self.order.iter().for_each(|&id| note(&mut seen, fleet, id));
-        }
-        for &id in &self.order {
-            self.behind[id as usize] = seen;
-            note(&mut seen, fleet, id);
-        }
+    /// Bumper-to-bumper gap from slot `i` to slot `j` ahead of it, m.
+    pub(super) fn gap_m(&self, i: usize, j: usize) -> f64 {
+        self.ahead_m(self.s_m[i], self.s_m[j]) - self.half_length_m[i] - self.half_length_m[j]
     }
-
-    /// Makes `i` a neighbor in `lane`, which it has just claimed, of all between its follower and its leader there, both included.
-    pub(super) fn claim(&mut self, i: usize, lane: u8, fleet: &Fleet) {
-        let lane_bit = 1 << lane;
-        let lane = usize::from(lane);
-        let count = self.order.len();
-        let start = self.rank[i] as usize;
-        for step in 1..count {
-            if !self.ring && step > start {
-                break;
-            }
-            let other = self.order[(start + count - step) % count] as usize;
-            self.ahead[other][lane] = i as u32;
-            if fleet.lane_bits(other) & lane_bit != 0 {
-                break;
-            }
-        }
-        for step in 1..count {
-            if !self.ring && start + step >= count {
-                break;
-            }
-            let other = self.order[(start + step) % count] as usize;
-            self.behind[other][lane] = i as u32;
-            if fleet.lane_bits(other) & lane_bit != 0 {
-                break;
-            }
-        }
-    }
-}
-
-fn note(seen: &mut [u32; MAX_LANES], fleet: &Fleet, id: u32) {
-    seen[usize::from(fleet.lane[id as usize])] = id;
-    seen[usize::from(fleet.target_lane[id as usize])] = id;
 }

@@ -1,16 +1,41 @@
-//! Where the ego starts.
+//! Where there is room: for the ego at its start, for vehicles that enter the road.
 
 use lanecraft_net::random::Stream;
 
 use super::World;
 use crate::models::safe_distance::BrakingLimits;
 use crate::road::{LaneIndex, Topology};
-use crate::scenario::{EgoStart, Party, Scenario, ScenarioError, check_gap, ego_length_m};
+use crate::scenario::{EgoStart, Party, Scenario, ScenarioError, VehicleSpec, check_gap, ego_length_m};
 
 /// Position, lane and speed of the ego at the start.
 pub(super) type Start = (f64, LaneIndex, f64);
 
 impl World {
+    /// Whether a vehicle may enter the road there: safe behind its leader, and its follower behind it, the ego included.
+    pub fn has_room_for(&self, spec: &VehicleSpec) -> bool {
+        let (fleet, s_m, lane) = (&self.fleet, self.road.wrap_m(spec.s_m), spec.lane.0);
+        let half_length_m = 0.5 * spec.kind.length_m();
+        let own = |behind_ego| BrakingLimits { follower_mps2: spec.max_brake_mps2, ..self.trust(behind_ego) };
+        let ahead = fleet.nearest_ahead(s_m, lane).is_none_or(|j| {
+            let gap_m = fleet.ahead_m(s_m, fleet.s_m[j]) - half_length_m - fleet.half_length_m[j];
+            gap_m >= own(false).required_gap_m(spec.speed_mps, fleet.speed_mps[j])
+        });
+        let behind = fleet.nearest_behind(s_m, lane).is_none_or(|j| {
+            let gap_m = fleet.ahead_m(fleet.s_m[j], s_m) - half_length_m - fleet.half_length_m[j];
+            gap_m >= self.limits(j, false).required_gap_m(fleet.speed_mps[j], spec.speed_mps)
+        });
+        let ego = self.ego.as_ref().filter(|ego| ego.occupies(lane)).is_none_or(|ego| {
+            let ahead_m = fleet.signed_ahead_m(s_m, ego.s_m());
+            let gap_m = ahead_m.abs() - half_length_m - ego.half_length_m();
+            if ahead_m >= 0.0 {
+                gap_m >= own(true).required_gap_m(spec.speed_mps, ego.speed_mps)
+            } else {
+                gap_m >= self.ego_limits().required_gap_m(ego.speed_mps, spec.speed_mps)
+            }
+        });
+        ahead && behind && ego
+    }
+
     /// The ego's start as the scenario asks for it, checked for safety.
     pub(super) fn place_ego(&self, scenario: &Scenario) -> Result<Start, ScenarioError> {
         match scenario.ego {
@@ -42,16 +67,14 @@ impl World {
     /// that there is traffic ahead.
     fn largest_gap(&self, lane: LaneIndex) -> Option<(usize, usize, f64)> {
         let open = self.road.config().topology == Topology::Open;
-        let in_lane: Vec<usize> = (self.neighbors.order().iter().map(|&id| id as usize))
-            .filter(|&i| self.fleet.lane_bits(i) & (1 << lane.0) != 0)
-            .collect();
+        let in_lane: Vec<usize> = (0..self.fleet.len()).filter(|&i| self.fleet.lanes[i] & (1 << lane.0) != 0).collect();
         let followers = if open { in_lane.len() / 2 } else { in_lane.len() };
         let mut largest: Option<(usize, usize, f64)> = None;
         for k in 0..followers {
             let (follower, leader) = (in_lane[k], in_lane[(k + 1) % in_lane.len()]);
             let half_lengths_m = self.fleet.half_length_m[follower] + self.fleet.half_length_m[leader];
             let alone_m = if follower == leader { self.road.config().length_m - 2.0 * half_lengths_m } else { 0.0 };
-            let gap_m = alone_m + self.gap_m(follower, leader);
+            let gap_m = alone_m + self.fleet.gap_m(follower, leader);
             if largest.is_none_or(|(_, _, most_m)| gap_m > most_m) {
                 largest = Some((follower, leader, gap_m));
             }
@@ -75,10 +98,10 @@ impl World {
 
     fn check_written(&self, start: Start) -> Result<Start, ScenarioError> {
         let (s_m, lane, speed_mps) = start;
-        for i in (0..self.fleet.len()).filter(|&i| self.fleet.lane_bits(i) & (1 << lane.0) != 0) {
-            let ahead_m = self.signed_ahead_m(s_m, self.fleet.s_m[i]);
+        for i in self.fleet.by_id().filter(|&i| self.fleet.lanes[i] & (1 << lane.0) != 0) {
+            let ahead_m = self.fleet.signed_ahead_m(s_m, self.fleet.s_m[i]);
             let gap_m = ahead_m.abs() - self.fleet.half_length_m[i] - 0.5 * ego_length_m();
-            let other = Party::Vehicle(i as u32);
+            let other = Party::Vehicle(self.fleet.id[i]);
             if ahead_m >= 0.0 {
                 let required_m = self.ego_limits().required_gap_m(speed_mps, self.fleet.speed_mps[i]);
                 check_gap([Party::Ego, other], gap_m, required_m)?;

@@ -1,0 +1,149 @@
+//! What takes the place of a driver's free will: stress brakes, scripted events, recorded traffic.
+//!
+//! Commands are few and kept apart from the vehicles, so that those who drive themselves pay nothing for them. Who is under a
+//! command chooses no lanes.
+
+use std::sync::Arc;
+
+use super::World;
+use super::fleet::{Fleet, steps};
+use crate::road::LaneIndex;
+use crate::scene::VehicleId;
+
+/// A place and a motion on a recorded track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TrackPoint {
+    /// Position of the center along the road, m.
+    pub s_m: f64,
+    /// Position of the center to the left of the reference line, m.
+    pub d_m: f64,
+    /// Speed along the road, m/s.
+    pub speed_mps: f64,
+    /// Speed to the left, m/s.
+    pub lateral_speed_mps: f64,
+    /// Acceleration along the road, m/s².
+    pub accel_mps2: f64,
+    /// The lane it is in, or leaves.
+    pub lane: LaneIndex,
+    /// The lane it changes into; equal to `lane` when it keeps.
+    pub target_lane: LaneIndex,
+}
+
+/// What a vehicle does instead of what its driver wants.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Command {
+    /// Brakes or accelerates, whatever is ahead; a vehicle brakes no harder than it can.
+    Accelerate {
+        /// The acceleration, m/s².
+        accel_mps2: f64,
+        /// For how many steps.
+        steps: u32,
+    },
+    /// Follows a recorded track of one point a step, the next step leading to the first; drives itself after the last.
+    Follow(Arc<[TrackPoint]>),
+}
+
+/// A command under way.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Order {
+    pub(super) id: VehicleId,
+    command: Command,
+    /// The step in which it was given.
+    since_step: i64,
+}
+
+impl Order {
+    /// How many steps it takes in all.
+    fn steps(&self) -> i64 {
+        match &self.command {
+            Command::Accelerate { steps, .. } => i64::from(*steps),
+            Command::Follow(points) => points.len() as i64,
+        }
+    }
+
+    /// Steps left in step `now`.
+    pub(super) fn left_steps(&self, now: i64) -> i64 {
+        (self.since_step + self.steps() - now).max(0)
+    }
+}
+
+impl World {
+    /// Puts a command in the place of a vehicle's free will from the next step on; a new one replaces the last. Nothing happens if there
+    /// is no such vehicle.
+    pub fn command(&mut self, id: VehicleId, command: Command) {
+        if self.fleet.slot(id).is_none() {
+            return;
+        }
+        let order = Order { id, command, since_step: self.now };
+        match self.find_order(id) {
+            Ok(index) => self.orders[index] = order,
+            Err(index) => self.orders.insert(index, order),
+        }
+    }
+
+    /// Makes a vehicle change into `lane` from the next step on, whoever is there. Returns whether there is such a vehicle and such a
+    /// lane beside it and no change under way.
+    pub fn change_lane(&mut self, id: VehicleId, lane: LaneIndex, dt_s: f64) -> bool {
+        let Some(slot) = self.fleet.slot(id) else { return false };
+        let own = self.fleet.lane[slot];
+        let possible =
+            own == self.fleet.target_lane[slot] && own.abs_diff(lane.0) == 1 && self.road.lanes().any(|l| l == lane);
+        if possible {
+            self.start_change(slot, lane.0, steps(self.traffic.lane_change_duration_s, dt_s));
+        }
+        possible
+    }
+
+    /// Whether a command stands in the place of the vehicle's will.
+    pub fn is_commanded(&self, id: VehicleId) -> bool {
+        !self.orders.is_empty() && self.find_order(id).is_ok()
+    }
+
+    fn find_order(&self, id: VehicleId) -> Result<usize, usize> {
+        self.orders.binary_search_by_key(&id, |order| order.id)
+    }
+
+    /// Forgets the commands that have been carried out.
+    pub(super) fn end_orders(&mut self) {
+        let (now, fleet) = (self.now, &self.fleet);
+        self.orders.retain(|order| order.left_steps(now) > 0 && fleet.slot(order.id).is_some());
+    }
+
+    /// Puts the commanded accelerations in the place of the wished ones.
+    pub(super) fn obey(&mut self) {
+        for order in &self.orders {
+            let Some(slot) = self.fleet.slot(order.id) else { continue };
+            if let Command::Accelerate { accel_mps2, .. } = order.command {
+                self.fleet.accel_mps2[slot] = accel_mps2.max(-self.fleet.max_brake_mps2[slot]);
+            }
+        }
+    }
+
+    /// Moves those on a track to its next point.
+    pub(super) fn follow_tracks(&mut self) {
+        for order in &self.orders {
+            let (Command::Follow(points), Some(slot)) = (&order.command, self.fleet.slot(order.id)) else { continue };
+            if let Some(point) = points.get((self.now - order.since_step) as usize) {
+                let s_m = self.road.wrap_m(point.s_m);
+                let from = (self.before_m(slot), self.fleet.d_m[slot]);
+                place(&mut self.fleet, slot, &TrackPoint { s_m, ..*point }, from);
+            }
+        }
+    }
+
+    /// Where the vehicle was before the step.
+    fn before_m(&self, slot: usize) -> f64 {
+        self.road.wrap_m(self.fleet.s_m[slot] - self.fleet.moved_m[slot])
+    }
+}
+
+fn place(fleet: &mut Fleet, slot: usize, point: &TrackPoint, (from_s_m, from_d_m): (f64, f64)) {
+    fleet.moved_m[slot] = fleet.signed_ahead_m(from_s_m, point.s_m);
+    fleet.moved_left_m[slot] = point.d_m - from_d_m;
+    fleet.s_m[slot] = point.s_m;
+    fleet.d_m[slot] = point.d_m;
+    fleet.speed_mps[slot] = point.speed_mps;
+    fleet.lateral_speed_mps[slot] = point.lateral_speed_mps;
+    fleet.accel_mps2[slot] = point.accel_mps2;
+    fleet.occupy(slot, point.lane.0, point.target_lane.0);
+}
