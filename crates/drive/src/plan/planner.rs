@@ -81,13 +81,13 @@ impl Planner {
 
     /// All paths of `window` within the lateral bounds, by rising duration; at least one.
     pub fn candidates(&self, scene: &Scene, forecast: &Forecast, window: &Window) -> Vec<LaneChangePath> {
-        let limits = self.limits(scene);
+        let allowed = self.bounds(scene);
         let end_m = scene.road.lane_center_m(window.to);
         let first = self.steps(window.shortest_s);
         let quintics: Vec<Quintic> = (first..=self.steps(window.longest_s))
             .map(|step| Quintic::new(window.start, end_m, self.steps_s(f64::from(step))))
             .enumerate()
-            .filter(|(index, path)| *index == 0 || limits.allow(path))
+            .filter(|(index, path)| *index == 0 || allowed(path))
             .map(|(_, path)| path)
             .collect();
         let mut vectors = vec![[0.0; FEATURES]; quintics.len()];
@@ -143,21 +143,25 @@ impl Planner {
 
     /// The shortest duration on the grid within the lateral bounds, s.
     fn shortest_s(&self, scene: &Scene, start: LateralState, end_m: f64) -> Option<f64> {
-        let limits = self.limits(scene);
+        let allowed = self.bounds(scene);
         (self.steps(self.config.duration_min_s)..=self.steps(self.config.duration_max_extended_s))
             .map(|step| self.steps_s(f64::from(step)))
-            .find(|&duration_s| limits.allow(&Quintic::new(start, end_m, duration_s)))
+            .find(|&duration_s| allowed(&Quintic::new(start, end_m, duration_s)))
     }
 
-    /// The lateral bounds at the ego's speed, on the sharpest part of the road within the longest usual change.
-    fn limits(&self, scene: &Scene) -> LateralLimits {
+    /// Whether a path keeps the lateral bounds at the ego's speed: with the lowest adhesion of the stretch it crosses, and on the
+    /// sharpest part of the road within the longest usual change.
+    fn bounds<'a>(&'a self, scene: &'a Scene) -> impl Fn(&Quintic) -> bool + 'a {
         let speed_mps = scene.ego.road_speed_mps();
         let spacing_m = speed_mps * self.config.duration_max_s / f64::from(CURVATURE_POINTS);
         let sharpest_radpm = (0..=CURVATURE_POINTS)
             .map(|point| scene.road.curvature_radpm(scene.ego.s_m + f64::from(point) * spacing_m).abs())
             .fold(0.0, f64::max);
         let curve_accel_mps2 = sharpest_radpm * speed_mps * speed_mps;
-        LateralLimits::new(&self.config, &self.vehicle, (speed_mps, scene.road.adhesion(), curve_accel_mps2))
+        move |path| {
+            let adhesion = scene.road.lowest_adhesion(scene.ego.s_m, speed_mps * path.duration_s);
+            LateralLimits::new(&self.config, &self.vehicle, (speed_mps, adhesion, curve_accel_mps2)).allow(path)
+        }
     }
 
     /// A duration on the grid in steps.
@@ -192,7 +196,7 @@ mod tests {
     use crate::plan::{LateralBound, RewardModel};
     use crate::predict::Predictor;
     use crate::predict::tests::{neighbor, scene};
-    use crate::road::{Road, RoadConfig};
+    use crate::road::{AdhesionPatch, Road, RoadConfig, Topology};
     use crate::scene::Neighbor;
 
     fn planner() -> Planner {
@@ -267,6 +271,27 @@ mod tests {
         assert!(on(curve, LateralBound::Acceleration).is_ok_and(|t| t > dry));
         // Eq. 15 as printed at 25 m/s: 1.7 s dry, 3.6 s wet.
         assert!((on(RoadConfig::default(), LateralBound::CourseAngle).unwrap() - 1.8).abs() < 0.11);
+    }
+
+    #[test]
+    fn a_path_is_judged_with_the_lowest_adhesion_it_crosses() {
+        // At 25 m/s the dry road allows 2.4 s or 60 m, and the patch takes a change within 3.4 s.
+        let shortest_s = |s_m: f64| {
+            let adhesion_patches = vec![AdhesionPatch { s_m, length_m: 20.0, adhesion: 0.4 }];
+            let road = RoadConfig { topology: Topology::Open, adhesion_patches, ..RoadConfig::default() };
+            let scene = Scene { road: Arc::new(Road::new(road).unwrap()), ..scene(vec![]) };
+            let begin_m = scene.ego.s_m;
+            let (planner, window) = (planner(), window(&scene, Side::Left).unwrap());
+            for path in planner.candidates(&scene, &forecast(&scene), &window) {
+                let crossed = begin_m + 25.0 * path.quintic.duration_s > s_m;
+                assert!(path.quintic.max_accel_mps2() <= if crossed { 0.85 * 0.4 * 9.81 } else { 4.0 });
+            }
+            window.shortest_s
+        };
+        let begin_m = scene(vec![]).ego.s_m;
+        assert!((shortest_s(begin_m + 61.0) - 2.4).abs() < 1e-9, "beyond its end it does not matter");
+        assert!((shortest_s(begin_m + 40.0) - shortest_s(begin_m)).abs() < 1e-9);
+        assert!(shortest_s(begin_m) > 2.5);
     }
 
     #[test]
