@@ -129,12 +129,17 @@ pub struct DriverCounts {
     pub refusals: u32,
     /// Ticks in which the shield forbade a lane change that the planner allowed.
     pub shield: u32,
-    /// Control steps in which the guard braked in place of the command.
-    pub guard: u32,
-    /// Control steps in which a command was cut to the actuators' limits.
-    pub limits: u32,
+    /// Control steps in which the guard changed the command or called off a lane change, by [`GuardCause`].
+    pub guard: [u32; GuardCause::ALL.len()],
     /// Control steps by the rung of the ladder of fall-backs that the worse controller ended on, beyond `Solved`.
     pub fallbacks: [u32; 4],
+}
+
+impl DriverCounts {
+    /// Control steps in which the guard braked in place of the command.
+    pub fn guard_interventions(&self) -> u32 {
+        GuardCause::ALL.into_iter().filter(|cause| cause.brakes()).map(|cause| self.guard[cause as usize]).sum()
+    }
 }
 
 /// The ego car's mind.
@@ -158,7 +163,7 @@ pub struct Driver {
     steps_since_change: u32,
     offers: [Result<Window, Denial>; 2],
     counts: DriverCounts,
-    guarded: bool,
+    guard_cause: Option<GuardCause>,
 }
 
 /// A driver that has just started has not changed lane for this long, in control steps.
@@ -190,7 +195,7 @@ impl Driver {
             steps_since_change: LONG_AGO_STEPS,
             offers: [Err(Denial::Planner(Refusal::NoLane)); 2],
             counts: DriverCounts::default(),
-            guarded: false,
+            guard_cause: None,
         })
     }
 
@@ -229,9 +234,9 @@ impl Driver {
         &self.counts
     }
 
-    /// Whether the guard changed the last command.
-    pub fn guarded(&self) -> bool {
-        self.guarded
+    /// Why the guard changed the last command, or called off the lane change with it.
+    pub fn guard_cause(&self) -> Option<GuardCause> {
+        self.guard_cause
     }
 
     /// The lane change under way, if any.
@@ -299,7 +304,9 @@ impl Driver {
             Maneuver::Change(side) => self.begin_change(Some(side), decision.weights),
             Maneuver::ChangeWhereRoom => self.begin_change(self.roomier_side(), decision.weights),
             Maneuver::Continue => {}
-            Maneuver::Abort => self.abort(),
+            Maneuver::Abort => {
+                self.abort();
+            }
         }
     }
 
@@ -407,13 +414,15 @@ impl Driver {
         self.planner.abort(&self.scene, &change.path, f64::from(change.elapsed_steps) * self.control_period_s)
     }
 
-    fn abort(&mut self) {
-        let Activity::Changing(change) = &self.activity else { return };
-        let Some(path) = self.return_path(change) else { return };
+    /// Turns back; whether that is still possible.
+    fn abort(&mut self) -> bool {
+        let Activity::Changing(change) = &self.activity else { return false };
+        let Some(path) = self.return_path(change) else { return false };
         let (entry_speed_mps, weights) = (change.entry_speed_mps, change.weights);
         self.lane = path.to;
         self.counts.aborts += 1;
         self.activity = Activity::Changing(Change { path, elapsed_steps: 0, entry_speed_mps, weights, aborted: true });
+        true
     }
 
     /// What the speed controller is to aim at: full speed when keeping, the entry speed when changing.
@@ -442,20 +451,12 @@ impl Driver {
     fn guarded_input(&mut self, wanted: ControlInput) -> ControlInput {
         let leaving = self.change().map(|change| change.path.from);
         let (input, cause) = self.guard.check(&self.scene, [Some(self.lane), leaving], wanted);
-        self.guarded = false;
-        match cause {
-            None => {}
-            Some(GuardCause::Limits) => self.counts.limits += 1,
-            Some(GuardCause::SafeDistance { .. } | GuardCause::NotFinite) => {
-                self.guarded = true;
-                self.counts.guard += 1;
-            }
+        let called_off = leaving.and_then(|from| self.guard.abort_advised(&self.scene, from, self.lane));
+        let called_off = called_off.filter(|_| self.abort());
+        for cause in [cause, called_off].into_iter().flatten() {
+            self.counts.guard[cause as usize] += 1;
         }
-        if let Some(from) = leaving
-            && self.guard.abort_advised(&self.scene, from, self.lane)
-        {
-            self.abort();
-        }
+        self.guard_cause = cause.or(called_off);
         input
     }
 

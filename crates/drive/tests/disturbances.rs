@@ -191,7 +191,7 @@ fn toll(config: &Config, episodes: u32) -> Toll {
         }
         let episode = env.episode();
         toll.speed_mps += episode.mean_speed_mps() / f64::from(episodes);
-        toll.guard += episode.counts.guard;
+        toll.guard += episode.counts.guard_interventions();
         toll.fallbacks += episode.counts.fallbacks.iter().sum::<u32>();
         toll.collisions += u32::from(episode.collision.is_some());
         toll.at_fault += u32::from(episode.collision.is_some_and(|c| c.fault.at_fault()));

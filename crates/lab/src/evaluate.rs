@@ -1,7 +1,9 @@
 //! Paired evaluation: every policy drives the same scenarios, and every figure comes with its interval.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use lanecraft_drive::control::GuardCause;
 use lanecraft_drive::env::{Config, Env, EnvError, Episode, StepError, Trace};
 use lanecraft_learn::ActError;
 use rayon::prelude::*;
@@ -68,8 +70,10 @@ pub struct EpisodeResult {
     pub refusals: u32,
     /// Control steps with a fall-back.
     pub fallbacks: u32,
-    /// Control steps in which the guard intervened.
+    /// Control steps in which the guard braked in place of the command.
     pub guard_interventions: u32,
+    /// Control steps in which the guard changed the command or called off a lane change, by cause.
+    pub guard_causes: BTreeMap<GuardCause, u32>,
     /// Ticks in which the shield forbade a lane change.
     pub shield_interventions: u32,
     /// Mean absolute jerk, m/s³.
@@ -92,7 +96,8 @@ impl EpisodeResult {
             min_time_to_collision_s: episode.min_time_to_collision_s,
             refusals: counts.refusals,
             fallbacks: counts.fallbacks.iter().sum(),
-            guard_interventions: counts.guard,
+            guard_interventions: counts.guard_interventions(),
+            guard_causes: GuardCause::ALL.into_iter().zip(counts.guard).collect(),
             shield_interventions: counts.shield,
             jerk_mps3: episode.mean_jerk_mps3(),
         }
@@ -133,6 +138,10 @@ impl PolicyEpisodes {
             refusals_per_min: mean(&|e| e.per_minute(e.refusals))?,
             fallbacks_per_min: mean(&|e| e.per_minute(e.fallbacks))?,
             guard_interventions_per_min: mean(&|e| e.per_minute(e.guard_interventions))?,
+            guard_causes_per_min: GuardCause::ALL
+                .into_iter()
+                .map(|cause| Ok((cause, mean(&|e| e.per_minute(e.guard_causes.get(&cause).copied().unwrap_or(0)))?)))
+                .collect::<Result<_, StatsError>>()?,
             shield_interventions_per_min: mean(&|e| e.per_minute(e.shield_interventions))?,
             jerk_mps3: mean(&|e| e.jerk_mps3)?,
         })

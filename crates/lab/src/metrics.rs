@@ -1,5 +1,8 @@
 //! What an evaluation reports of a policy: a fixed set of metrics, each with its interval.
 
+use std::collections::BTreeMap;
+
+use lanecraft_drive::control::GuardCause;
 use serde::{Deserialize, Serialize};
 
 /// A mean with its 95 % interval.
@@ -36,8 +39,10 @@ pub struct PolicyResult {
     pub refusals_per_min: Interval,
     /// Control steps in which a fall-back of the controllers was used, per minute.
     pub fallbacks_per_min: Interval,
-    /// Control steps in which the guard changed the command, per minute.
+    /// Control steps in which the guard braked in place of the command, per minute.
     pub guard_interventions_per_min: Interval,
+    /// Control steps in which the guard changed the command or called off a lane change, per minute and by cause.
+    pub guard_causes_per_min: BTreeMap<GuardCause, Interval>,
     /// Decisions in which the shield forbade a lane change that the planner allowed, per minute.
     pub shield_interventions_per_min: Interval,
     /// Mean absolute jerk, m/s³.

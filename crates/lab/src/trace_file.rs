@@ -264,6 +264,7 @@ fn frame_not_finite(frame: &Frame) -> Option<&'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lanecraft_drive::control::GuardCause;
     use lanecraft_drive::env::{CandidateRecord, EgoFrame, PathRecord};
     use std::fs;
 
@@ -278,7 +279,7 @@ mod tests {
             yaw_rate_radps: f64::MIN_POSITIVE,
             accel_mps2: -2.0 / 3.0,
             steer_rad: 0.1,
-            guarded: true,
+            guard: Some(GuardCause::OtherLane),
         };
         let vehicle = VehicleFrame { id: 3, ahead_m: 40.1, d_m: 0.0, speed_mps: 22.2, length_m: 4.5, width_m: 1.8 };
         let coefficients = [0.0, 0.0, 0.0, 0.1, -0.02, 1e-3];

@@ -114,7 +114,8 @@ pub struct ControlConfig {
     /// By which share the car may be heavier than its controllers know: emergency braking and its jerk are counted on
     /// that much less, and still asked for in full.
     pub mass_margin: f64,
-    /// Braking a leader is expected of, m/s² (positive), within 95 % of μ g.
+    /// Braking a leader is expected of, m/s² (positive), within 95 % of μ g; one that is seen to brake harder is expected
+    /// to go on with that.
     pub leader_brake_mps2: f64,
     /// Time the ego is assumed to go on before it brakes, s: a control step and the drive train's lag, rounded up.
     pub reaction_s: f64,
@@ -122,8 +123,6 @@ pub struct ControlConfig {
     pub margin_m: f64,
     /// Lateral distance between centers below which a vehicle ahead matters in whatever lane it is, m.
     pub guard_lateral_m: f64,
-    /// How far from the center of its old lane the ego may still turn back, m.
-    pub abort_lateral_m: f64,
 }
 
 /// What the brakes can do on the road ahead.
@@ -180,7 +179,6 @@ impl Default for ControlConfig {
             reaction_s: 0.3,
             margin_m: 1.0,
             guard_lateral_m: 2.4,
-            abort_lateral_m: 0.9,
         }
     }
 }
@@ -293,8 +291,7 @@ impl ControlConfig {
         check_range("control.leader_brake_mps2", self.leader_brake_mps2, 1.0, 12.0)?;
         check_range("control.reaction_s", self.reaction_s, 0.0, 3.0)?;
         check_range("control.margin_m", self.margin_m, 0.0, 20.0)?;
-        check_range("control.guard_lateral_m", self.guard_lateral_m, 0.0, 6.0)?;
-        check_range("control.abort_lateral_m", self.abort_lateral_m, 0.0, 6.0)
+        check_range("control.guard_lateral_m", self.guard_lateral_m, 0.0, 6.0)
     }
 }
 

@@ -6,28 +6,69 @@
 //! two cars that swap lanes lose each other. Where the drive train has a delay, the step that counts is the one the
 //! command acts in: until then the car does what it was sent, while every leader may already brake in full.
 
+use serde::{Deserialize, Serialize};
+
 use crate::control::config::{ControlConfig, Footing};
 use crate::control::delay::SentCommands;
 use crate::control::worst_case::{Opening, closest_m};
 use crate::models::rss::{Braking, safe_gap_m};
 use crate::road::LaneIndex;
-use crate::scene::{Neighbor, Scene, VehicleId};
+use crate::scene::{Neighbor, Scene};
 use crate::vehicle::{ControlInput, VehicleParams, VehicleState, lag_response};
 
-/// Why the guard changed a command.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Why the guard changed a command, or called off a lane change: one cause for each such step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum GuardCause {
     /// The command or the own state is NaN or infinite: full braking, steering held.
     NotFinite,
-    /// The safe distance to this vehicle would have been broken.
-    SafeDistance {
-        /// The vehicle.
-        id: VehicleId,
-        /// Whether not even a milder braking kept it.
-        full_brake: bool,
-    },
-    /// The command was outside the actuators' limits.
-    Limits,
+    /// The safe distance to a vehicle of the lane that the ego is in would have been broken.
+    OwnLane,
+    /// The same to a vehicle of a lane that the ego leaves or enters.
+    OtherLane,
+    /// The same to a vehicle of neither, but laterally so close that it may come into the way.
+    Beside,
+    /// The commanded acceleration was outside the actuators' limits.
+    AccelLimit,
+    /// The commanded road-wheel angle was outside the actuators' limits or out of their reach.
+    SteerLimit,
+    /// A lane change was called off: the safe distance to the leader of the new lane was broken.
+    AbortLeader,
+    /// A lane change was called off: the follower in the new lane had come too close.
+    AbortFollower,
+}
+
+impl GuardCause {
+    /// All causes, in the order of their discriminants.
+    pub const ALL: [Self; 8] = [
+        Self::NotFinite,
+        Self::OwnLane,
+        Self::OtherLane,
+        Self::Beside,
+        Self::AccelLimit,
+        Self::SteerLimit,
+        Self::AbortLeader,
+        Self::AbortFollower,
+    ];
+
+    /// Whether the guard braked in place of the command.
+    pub fn brakes(self) -> bool {
+        matches!(self, Self::NotFinite | Self::OwnLane | Self::OtherLane | Self::Beside)
+    }
+
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NotFinite => "not finite",
+            Self::OwnLane => "leader, own lane",
+            Self::OtherLane => "leader, other lane",
+            Self::Beside => "vehicle beside",
+            Self::AccelLimit => "limit of acceleration",
+            Self::SteerLimit => "limit of steering",
+            Self::AbortLeader => "abort for a leader",
+            Self::AbortFollower => "abort for a follower",
+        }
+    }
 }
 
 /// Levels of braking, mildest first, m/s²; full braking comes after them.
@@ -103,15 +144,19 @@ impl Guard {
             return (self.refused(scene, input, &footing), Some(GuardCause::NotFinite));
         }
         let limited = self.limited(scene, input);
-        let limits = (limited != input).then_some(GuardCause::Limits);
+        let limit = if limited.accel_mps2 != input.accel_mps2 {
+            Some(GuardCause::AccelLimit)
+        } else {
+            (limited.steer_rad != input.steer_rad).then_some(GuardCause::SteerLimit)
+        };
         if !self.config.guard {
-            return (limited, limits);
+            return (limited, limit);
         }
         let begin = self.past_delay(&scene.ego, &footing);
         let seen = Seen { scene, lanes, begin: &begin, footing: &footing };
-        let Some(id) = self.broken_by(&seen, limited.accel_mps2) else { return (limited, limits) };
-        let (accel_mps2, full_brake) = self.mildest(&seen, limited.accel_mps2);
-        (ControlInput { accel_mps2, ..limited }, Some(GuardCause::SafeDistance { id, full_brake }))
+        let Some(cause) = self.broken_by(&seen, limited.accel_mps2) else { return (limited, limit) };
+        let accel_mps2 = self.mildest(&seen, limited.accel_mps2);
+        (ControlInput { accel_mps2, ..limited }, Some(cause))
     }
 
     fn refused(&self, scene: &Scene, input: ControlInput, footing: &Footing) -> ControlInput {
@@ -136,17 +181,17 @@ impl Guard {
         }
     }
 
-    /// The mildest level below the wanted command that keeps every safe distance, and whether it is full braking.
-    fn mildest(&self, seen: &Seen, wanted_mps2: f64) -> (f64, bool) {
+    /// The mildest level below the wanted command that keeps every safe distance, or full braking.
+    fn mildest(&self, seen: &Seen, wanted_mps2: f64) -> f64 {
         let full_mps2 = -seen.footing.tire_brake_mps2;
         for level in LEVELS_MPS2 {
             let command = self.towards(seen, level);
             let milder = command < wanted_mps2 && level > full_mps2;
             if milder && self.broken_by(seen, command).is_none() {
-                return (command, false);
+                return command;
             }
         }
-        (self.towards(seen, full_mps2), true)
+        self.towards(seen, full_mps2)
     }
 
     /// The command that brings the acceleration to `level` as fast as the emergency jerk allows.
@@ -157,22 +202,25 @@ impl Guard {
         (now + (next - now) / self.drive_response).clamp(-seen.footing.tire_brake_mps2, 0.0)
     }
 
-    /// The first vehicle to which the safe distance would be broken after this step.
-    fn broken_by(&self, seen: &Seen, accel_mps2: f64) -> Option<VehicleId> {
+    /// Where the first vehicle is to which the safe distance would be broken after this step.
+    fn broken_by(&self, seen: &Seen, accel_mps2: f64) -> Option<GuardCause> {
         let next = self.next(seen.begin, accel_mps2, self.period_s, seen.footing);
         let scene = seen.scene;
-        let matters = |n: &Neighbor| {
-            seen.lanes.into_iter().flatten().any(|lane| n.occupies(lane))
-                || n.occupies(scene.ego_lane)
-                || (n.d_m - scene.ego.d_m).abs() < self.config.guard_lateral_m
+        let place = |n: &Neighbor| {
+            if n.occupies(scene.ego_lane) {
+                Some(GuardCause::OwnLane)
+            } else if seen.lanes.into_iter().flatten().any(|lane| n.occupies(lane)) {
+                Some(GuardCause::OtherLane)
+            } else {
+                let close = (n.d_m - scene.ego.d_m).abs() < self.config.guard_lateral_m;
+                close.then_some(GuardCause::Beside)
+            }
         };
-        scene
-            .neighbors
-            .iter()
-            .filter(|n| n.ahead_m > 0.0 && n.ahead_m < RANGE_M || n.ahead_m.is_nan())
-            .filter(|n| matters(n))
-            .find(|n| !self.keeps(&next, n, seen))
-            .map(|n| n.id)
+        let ahead = scene.neighbors.iter().filter(|n| n.ahead_m > 0.0 && n.ahead_m < RANGE_M || n.ahead_m.is_nan());
+        ahead
+            .filter_map(|n| place(n).map(|cause| (n, cause)))
+            .find(|(n, _)| !self.keeps(&next, n, seen))
+            .map(|(_, cause)| cause)
     }
 
     /// Where the commands on their way will have led when one of now counts.
@@ -198,6 +246,7 @@ impl Guard {
     /// Whether the safe distance holds after this step even if the leader brakes in full during it. False for NaN.
     fn keeps(&self, next: &Next, leader: &Neighbor, seen: &Seen) -> bool {
         let Footing { braking, descent_mps2, .. } = seen.footing;
+        let braking = &braking.behind(leader.accel_mps2);
         let time_s = self.sent.delay_s() + self.period_s;
         let leader_speed = leader.speed_mps.max(0.0);
         let leader_next = (leader_speed - braking.leader_brake_mps2 * time_s).max(0.0);
@@ -213,6 +262,7 @@ impl Guard {
             speed_mps: next.speed_mps,
             accel_mps2: next.accel_mps2,
             leader_speed_mps: leader_next,
+            leader_brake_mps2: braking.leader_brake_mps2,
             gap_m,
         };
         closest_m(&self.config, &seen.scene.road, &opening) >= self.config.margin_m
@@ -224,31 +274,34 @@ impl Guard {
         Braking { reaction_s: braking.reaction_s + self.params.drive_delay_s, ..braking }
     }
 
-    /// Whether a lane change from `origin` to `target` should be given up: the target lane has become unsafe, the
-    /// marking is not yet reached and the old lane is safe.
-    pub fn abort_advised(&self, scene: &Scene, origin: LaneIndex, target: LaneIndex) -> bool {
+    /// Why a lane change from `origin` to `target` should be given up, if it should: the target lane has become unsafe and
+    /// the old lane is safe. Whether the car may still turn back is for the planner to say.
+    pub fn abort_advised(&self, scene: &Scene, origin: LaneIndex, target: LaneIndex) -> Option<GuardCause> {
         let braking = self.braking(scene);
-        let from_center_m = scene.ego.d_m - scene.road.lane_center_m(origin);
-        from_center_m.abs() < self.config.abort_lateral_m
-            && !lane_is_safe(scene, target, -ABORT_TOLERANCE_M, &braking)
-            && lane_is_safe(scene, origin, -self.config.margin_m, &braking)
+        let cause = danger(scene, target, -ABORT_TOLERANCE_M, &braking)?;
+        danger(scene, origin, -self.config.margin_m, &braking).is_none().then_some(cause)
     }
 }
 
-/// Whether the gaps in `lane` are safe, the front one with `extra_m` to spare.
-fn lane_is_safe(scene: &Scene, lane: LaneIndex, extra_m: f64, braking: &Braking) -> bool {
+/// Which gap in `lane` is not safe, if any, the front one with `extra_m` to spare.
+fn danger(scene: &Scene, lane: LaneIndex, extra_m: f64, braking: &Braking) -> Option<GuardCause> {
     let (v, a) = (scene.ego.road_speed_mps(), scene.ego.accel_mps2);
-    let front = scene
-        .leader(lane)
-        .is_none_or(|leader| leader.gap_m(scene.ego_length_m) >= safe_gap_m(v, a, leader.speed_mps, braking) + extra_m);
-    let rear = scene.follower(lane).is_none_or(|follower| {
+    let front_is_safe = scene.leader(lane).is_none_or(|leader| {
+        let safe_m = safe_gap_m(v, a, leader.speed_mps, &braking.behind(leader.accel_mps2));
+        leader.gap_m(scene.ego_length_m) >= safe_m + extra_m
+    });
+    let rear_is_safe = scene.follower(lane).is_none_or(|follower| {
         let closing = (follower.speed_mps - v).max(0.0);
         let needed_m = FOLLOWER_REACTION_S * follower.speed_mps
             + closing * closing / (2.0 * FOLLOWER_BRAKE_MPS2)
             + FOLLOWER_MARGIN_M;
         follower.gap_m(scene.ego_length_m) >= needed_m
     });
-    front && rear
+    match (front_is_safe, rear_is_safe) {
+        (false, _) => Some(GuardCause::AbortLeader),
+        (true, false) => Some(GuardCause::AbortFollower),
+        (true, true) => None,
+    }
 }
 
 fn is_finite(state: &VehicleState) -> bool {

@@ -305,7 +305,7 @@ impl LongitudinalMpc {
         let bumpers_m = 0.5 * (leader.length_m + scene.ego_length_m);
         let braking = config.braking_on(&scene.road, scene.ego.s_m, speed_mps).braking;
         let delay_s = self.sent.delay_s();
-        let braking = Braking { reaction_s: braking.reaction_s + delay_s, ..braking };
+        let braking = Braking { reaction_s: braking.reaction_s + delay_s, ..braking.behind(leader.accel_mps2) };
         let headway_s = config.spacing_headway_s;
         let spacing_m = config.spacing_min_m + headway_s * speed_mps;
         let lost_m = (spacing_m - (leader.ahead_m - bumpers_m)).max(0.0);

@@ -21,16 +21,18 @@ pub(crate) struct Opening {
     /// Its speed, m/s, and what its tires do, m/s².
     pub(crate) speed_mps: f64,
     pub(crate) accel_mps2: f64,
-    /// The leader's speed, m/s, and how far its rear bumper is ahead of the ego's front, m.
+    /// The leader's speed, m/s, its full braking, m/s² (positive), and how far its rear bumper is ahead of the ego's
+    /// front, m.
     pub(crate) leader_speed_mps: f64,
+    pub(crate) leader_brake_mps2: f64,
     pub(crate) gap_m: f64,
 }
 
 /// Smallest gap, m, if the leader brakes in full from now on and the ego after its reaction, each by what it has.
 pub(crate) fn closest_m(config: &ControlConfig, road: &Road, opening: &Opening) -> f64 {
     let base = config.braking(road.adhesion());
-    let Opening { s_m: mut s, speed_mps: mut v, accel_mps2: mut tires, leader_speed_mps: mut leader, gap_m: mut gap } =
-        *opening;
+    let Opening { s_m: mut s, speed_mps: mut v, accel_mps2: mut tires, .. } = *opening;
+    let Opening { leader_speed_mps: mut leader, leader_brake_mps2, gap_m: mut gap, .. } = *opening;
     let mut closest = gap;
     for k in 0..LONGEST_STEPS {
         if v <= 0.0 || gap < 0.0 {
@@ -45,8 +47,8 @@ pub(crate) fn closest_m(config: &ControlConfig, road: &Road, opening: &Opening) 
         let pushed_mps = before * (STEP_S - braked_s) + 0.5 * (before + tires) * ramp_s + tires * (braked_s - ramp_s);
         let accel = pushed_mps / STEP_S - GRAVITY_MPS2 * road.grade(s);
         let next = (v + accel * STEP_S).max(0.0);
-        let leader_next = (leader - base.leader_brake_mps2 * STEP_S).max(0.0);
-        let leader_s = STEP_S.min(leader / base.leader_brake_mps2);
+        let leader_next = (leader - leader_brake_mps2 * STEP_S).max(0.0);
+        let leader_s = STEP_S.min(leader / leader_brake_mps2);
         let own_m = 0.5 * (v + next) * if next > 0.0 { STEP_S } else { STEP_S.min(-v / accel) };
         gap += 0.5 * (leader + leader_next) * leader_s - own_m;
         s += own_m;
@@ -75,7 +77,9 @@ mod tests {
             for leader_speed_mps in [0.0, 12.0, 30.0] {
                 for accel_mps2 in [-4.0, 0.0, 2.0] {
                     let gap_m = safe_gap_m(speed_mps, accel_mps2, leader_speed_mps, &braking);
-                    let opening = Opening { s_m: 0.0, speed_mps, accel_mps2, leader_speed_mps, gap_m };
+                    let leader_brake_mps2 = braking.leader_brake_mps2;
+                    let opening =
+                        Opening { s_m: 0.0, speed_mps, accel_mps2, leader_speed_mps, leader_brake_mps2, gap_m };
                     let left_m = closest_m(&config, &road(&[]), &opening);
                     let wanted_m = braking.margin_m;
                     // What the play's steps cost.
@@ -95,7 +99,14 @@ mod tests {
             ..ControlConfig::default()
         };
         let stop = |patches: &[AdhesionPatch]| {
-            let opening = Opening { s_m: 0.0, speed_mps: 20.0, accel_mps2: 0.0, leader_speed_mps: 0.0, gap_m: 500.0 };
+            let opening = Opening {
+                s_m: 0.0,
+                speed_mps: 20.0,
+                accel_mps2: 0.0,
+                leader_speed_mps: 0.0,
+                leader_brake_mps2: 7.0,
+                gap_m: 500.0,
+            };
             500.0 - closest_m(&config, &road(patches), &opening)
         };
         let ice = AdhesionPatch { s_m: 5.0, length_m: 20.0, adhesion: 0.2 };

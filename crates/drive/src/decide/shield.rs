@@ -63,7 +63,8 @@ pub fn check_lane_change(
     for neighbor in scene.neighbors.iter().filter(|n| n.occupies(target)) {
         let gap_m = neighbor.gap_m(scene.ego_length_m);
         if neighbor.ahead_m >= 0.0 {
-            let safe_m = safe_gap_m(ego.speed_mps, ego.accel_mps2, neighbor.speed_mps, braking);
+            let safe_m =
+                safe_gap_m(ego.speed_mps, ego.accel_mps2, neighbor.speed_mps, &braking.behind(neighbor.accel_mps2));
             if gap_m < safe_m + config.front_margin_m {
                 return Err(ShieldCause::Ahead);
             }

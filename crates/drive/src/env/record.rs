@@ -3,11 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::environment::Env;
+use crate::control::GuardCause;
 use crate::plan::LaneChangePath;
 use crate::road::Topology;
 
 /// Version of the trace format.
-pub const TRACE_SCHEMA: u32 = 1;
+pub const TRACE_SCHEMA: u32 = 2;
 
 /// What a trace needs to be run again, and what a viewer needs to draw it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -119,8 +120,8 @@ pub struct EgoFrame {
     pub accel_mps2: f64,
     /// Road-wheel angle, rad.
     pub steer_rad: f64,
-    /// Whether the guard changed the command in this step.
-    pub guarded: bool,
+    /// Why the guard changed the command in this step, or called off the lane change.
+    pub guard: Option<GuardCause>,
 }
 
 /// Another vehicle in a frame.
@@ -205,7 +206,7 @@ impl Env {
                 yaw_rate_radps: ego.yaw_rate_radps,
                 accel_mps2: ego.accel_mps2,
                 steer_rad: ego.steer_rad,
-                guarded: self.driver.guarded(),
+                guard: self.driver.guard_cause(),
             },
             vehicles: vehicles.collect(),
             digest: format!("{:016x}", self.digest()),

@@ -21,6 +21,14 @@ pub struct Braking {
     pub margin_m: f64,
 }
 
+impl Braking {
+    /// The same behind this leader: one that is seen to brake harder than expected is expected to go on with that.
+    #[must_use]
+    pub fn behind(&self, leader_accel_mps2: f64) -> Self {
+        Self { leader_brake_mps2: self.leader_brake_mps2.max(-leader_accel_mps2), ..*self }
+    }
+}
+
 /// Where the ego is when it brakes in full.
 struct Onset {
     time_s: f64,

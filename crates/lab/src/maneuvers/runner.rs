@@ -293,7 +293,7 @@ impl<'a> Drive<'a> {
         self.speed.sent(input.accel_mps2);
         self.lateral.sent(input.steer_rad);
         self.guard.sent(input);
-        let guarded = matches!(cause, Some(GuardCause::SafeDistance { .. } | GuardCause::NotFinite));
+        let guarded = cause.is_some_and(GuardCause::brakes);
         (input, speed.rung.max(steer.rung) > Rung::Solved, guarded)
     }
 

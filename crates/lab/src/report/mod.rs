@@ -159,7 +159,8 @@ fn results(data: &ReportData) -> String {
     let note = "Means with 95 % intervals below. A star marks a policy whose interval lies apart from all others on the better \
                 side (arrow); without one, the intervals do not settle who is best. Differences on the same scenarios can be \
                 clearer than overlapping intervals suggest.";
-    let content = table::results_table(&data.results) + &plots::scatter(&data.results);
+    let content =
+        table::results_table(&data.results) + &table::guard_table(&data.results) + &plots::scatter(&data.results);
     section("Results", note, &content)
 }
 

@@ -46,7 +46,7 @@
     const [a, b] = [frames[index], frames[Math.min(index + 1, frames.length - 1)]];
     const dt = b.t - a.t;
     const u = dt > 0 ? clamp((t - a.t) / dt, 0, 1) : 0;
-    const scene = { t, guarded: a.guarded, tick: episode.ticks[u > 0 ? b.tick : a.tick], index, vehicles: [] };
+    const scene = { t, guard: a.guard, tick: episode.ticks[u > 0 ? b.tick : a.tick], index, vehicles: [] };
     for (const key of ['s', 'd', 'heading', 'v', 'accel', 'steer']) scene[key] = mix(a[key], b[key], u);
     for (const [id, from] of a.byId) {
       const to = b.byId.get(id);
@@ -273,8 +273,8 @@
     setBar('steer', -scene.steer / episode.steerSpan);
     setText(gauges.decision, scene.tick.words);
     setText(gauges.weights, progress(scene));
-    setText(gauges.guard, scene.guarded ? 'Acting' : 'Idle');
-    gauges.guard.classList.toggle('on', scene.guarded);
+    setText(gauges.guard, scene.guard || 'idle');
+    gauges.guard.classList.toggle('on', scene.guard !== '');
     setText(gauges.clock, `${number(scene.t, 1)} / ${number(tEnd, 1)} s`);
     for (const { line, low, high, left, right } of cursors) {
       const x = mix(left, right, (scene.t - low) / (high - low));

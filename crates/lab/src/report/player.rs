@@ -2,6 +2,7 @@
 //!
 //! Numbers are rounded to what a screen can show (1 cm, 0.1 mrad), which makes the page several times smaller than the trace.
 
+use lanecraft_drive::control::GuardCause;
 use lanecraft_drive::env::{CandidateRecord, Frame, TickRecord, Trace};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -69,7 +70,8 @@ struct FrameView {
     v: f64,
     accel: f64,
     steer: f64,
-    guarded: bool,
+    /// Why the guard acts; empty if it does not.
+    guard: &'static str,
     /// Id, distance ahead, lateral position and speed of each vehicle in turn.
     vehicles: Vec<f64>,
 }
@@ -213,7 +215,7 @@ fn frame_view(frame: &Frame, tick: usize) -> FrameView {
         v: round(ego.speed_mps, 2),
         accel: round(ego.accel_mps2, 3),
         steer: round(ego.steer_rad, 5),
-        guarded: ego.guarded,
+        guard: ego.guard.map_or("", GuardCause::name),
         vehicles: frame
             .vehicles
             .iter()

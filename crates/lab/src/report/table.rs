@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use lanecraft_drive::control::GuardCause;
+
 use super::html::{escape, number, range};
 use crate::metrics::{Interval, PolicyResult};
 
@@ -94,6 +96,28 @@ pub(super) fn results_table(results: &[PolicyResult]) -> String {
         html += "</tr>\n";
     }
     html + "</tbody></table></div>\n"
+}
+
+/// What the guard acted for, by policy; nothing if it never did.
+pub(super) fn guard_table(results: &[PolicyResult]) -> String {
+    let mean = |r: &PolicyResult, cause| r.guard_causes_per_min.get(&cause).map_or(0.0, |interval| interval.mean);
+    let met = |cause: &GuardCause| results.iter().any(|r| mean(r, *cause) > 0.0);
+    let causes: Vec<GuardCause> = GuardCause::ALL.into_iter().filter(met).collect();
+    if causes.is_empty() {
+        return String::new();
+    }
+    let heads: String =
+        causes.iter().map(|cause| format!("<th scope=\"col\">{}<small>per min</small></th>", cause.name())).collect();
+    let row = |r: &PolicyResult| {
+        let cells: String = causes.iter().map(|cause| format!("<td>{}</td>", number(mean(r, *cause), 2))).collect();
+        format!("<tr><th class=\"policy\" scope=\"row\">{}</th>{cells}</tr>\n", escape(&r.policy))
+    };
+    let rows: String = results.iter().map(row).collect();
+    format!(
+        "<div class=\"card results scroll\" tabindex=\"0\" role=\"region\" aria-label=\"What the guard acted for\"><table>\
+         <thead><tr><th class=\"policy\" scope=\"col\">What the guard acted for</th>{heads}</tr></thead>\n\
+         <tbody>\n{rows}</tbody></table></div>\n"
+    )
 }
 
 fn is_edge(index: usize) -> bool {

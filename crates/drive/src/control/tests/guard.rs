@@ -70,8 +70,10 @@ fn the_guard_refuses_what_is_not_finite_or_out_of_reach() {
     assert_eq!(cause, Some(GuardCause::NotFinite));
     assert!(input.accel_mps2 < -7.9 && input.steer_rad == 0.01);
     let (input, cause) = guard.check(&scene, lanes, ControlInput { accel_mps2: 1e9, steer_rad: -5.0 });
-    assert_eq!(cause, Some(GuardCause::Limits));
+    assert_eq!(cause, Some(GuardCause::AccelLimit));
     assert!(input.accel_mps2 == 2.0 && input.steer_rad.abs() < 0.1);
+    let (_, cause) = guard.check(&scene, lanes, ControlInput { accel_mps2: 0.0, steer_rad: -5.0 });
+    assert_eq!(cause, Some(GuardCause::SteerLimit));
     let calm = ControlInput { accel_mps2: 1.0, steer_rad: 0.001 };
     assert_eq!(guard.check(&scene, lanes, calm), (calm, None));
 }
@@ -87,12 +89,35 @@ fn the_guard_sees_behind_the_nearest_leader() {
     scene.neighbors = vec![leader(30.0, 33.0), standing];
     let both = [Some(LaneIndex(0)), Some(LaneIndex(1))];
     let (input, cause) = guard.check(&scene, both, wanted);
-    assert_eq!(cause, Some(GuardCause::SafeDistance { id: VehicleId(9), full_brake: true }));
+    assert_eq!(cause, Some(GuardCause::OtherLane));
     assert!(input.accel_mps2 < -4.0);
     assert_eq!(guard.check(&scene, [Some(LaneIndex(0)), None], wanted).1, None);
     // Between the lanes it matters whatever lane it claims.
     scene.neighbors[1].d_m = 2.3;
-    assert!(guard.check(&scene, [Some(LaneIndex(0)), None], wanted).1.is_some());
+    assert_eq!(guard.check(&scene, [Some(LaneIndex(0)), None], wanted).1, Some(GuardCause::Beside));
+    scene.neighbors[1].target_lane = LaneIndex(0);
+    assert_eq!(guard.check(&scene, [Some(LaneIndex(0)), None], wanted).1, Some(GuardCause::OwnLane));
+}
+
+#[test]
+fn a_leader_that_brakes_harder_than_expected_is_believed() {
+    // 120 km/h, 1.7 s behind: room enough to stop behind any of them, but not for who goes on expecting 7 m/s².
+    let (config, params) = (ControlConfig::default(), VehicleParams::default());
+    let guard = Guard::new(&config, &params, PERIOD_S);
+    for brake in [7.0, 8.0, 12.0] {
+        let mut scene = scene(33.0, 0.85);
+        scene.neighbors = vec![leader(56.0, 33.0)];
+        let mut smallest = f64::INFINITY;
+        for _ in 0..400 {
+            let (input, _) = guard.check(&scene, [Some(LaneIndex(0)), None], ControlInput::default());
+            let before_m = scene.ego.s_m;
+            drive(&params, &mut scene, &input);
+            let travelled_m = scene.ego.s_m - before_m;
+            move_leader(&mut scene, -brake, travelled_m);
+            smallest = smallest.min(scene.neighbors[0].gap_m(4.8));
+        }
+        assert!(smallest > 0.9, "{brake} m/s²: {smallest} m");
+    }
 }
 
 #[test]
@@ -102,10 +127,10 @@ fn a_lane_change_is_given_up_only_while_that_helps() {
     scene.ego.d_m = 0.5;
     let beside = |n: Neighbor| Neighbor { lane: LaneIndex(1), target_lane: LaneIndex(1), d_m: 3.75, ..n };
     scene.neighbors = vec![beside(leader(20.0, 10.0))];
-    assert!(guard.abort_advised(&scene, LaneIndex(0), LaneIndex(1)));
-    scene.ego.d_m = 1.0;
-    assert!(!guard.abort_advised(&scene, LaneIndex(0), LaneIndex(1)), "too far over");
-    scene.ego.d_m = 0.5;
+    assert_eq!(guard.abort_advised(&scene, LaneIndex(0), LaneIndex(1)), Some(GuardCause::AbortLeader));
+    scene.neighbors = vec![beside(leader(-20.0, 40.0))];
+    assert_eq!(guard.abort_advised(&scene, LaneIndex(0), LaneIndex(1)), Some(GuardCause::AbortFollower));
+    scene.neighbors = vec![beside(leader(20.0, 10.0))];
     scene.neighbors.push(leader(25.0, 10.0));
-    assert!(!guard.abort_advised(&scene, LaneIndex(0), LaneIndex(1)), "the old lane is no better");
+    assert_eq!(guard.abort_advised(&scene, LaneIndex(0), LaneIndex(1)), None, "the old lane is no better");
 }

@@ -103,7 +103,7 @@ fn follow(scene: &mut Scene, brake_mps2: f64, config: &ControlConfig, goal: &Spe
         seen.final_gap_m = scene.neighbors[0].gap_m(4.8);
         seen.smallest_gap_m = seen.smallest_gap_m.min(seen.final_gap_m);
         seen.hardest_mps2 = seen.hardest_mps2.min(scene.ego.accel_mps2);
-        seen.interventions += u32::from(matches!(cause, Some(GuardCause::SafeDistance { .. })));
+        seen.interventions += u32::from(cause.is_some_and(GuardCause::brakes));
         seen.worst = seen.worst.max(plan.rung);
     }
     seen

@@ -4,6 +4,8 @@ use super::*;
 use crate::models::rss::safe_gap_m;
 use lanecraft_net::random::Stream;
 
+/// How far from the center of its old lane the ego may still turn back, m.
+const TURN_BACK_M: f64 = 0.9;
 const CARS: usize = 4;
 const CHANGE_S: f64 = 2.5;
 
@@ -47,7 +49,9 @@ impl Stress {
         if self.origin != self.target {
             if self.elapsed_s >= CHANGE_S {
                 self.origin = self.target;
-            } else if guard.abort_advised(&self.scene, self.origin, self.target) {
+            } else if (ego.d_m - self.scene.road.lane_center_m(self.origin)).abs() < TURN_BACK_M
+                && guard.abort_advised(&self.scene, self.origin, self.target).is_some()
+            {
                 (self.origin, self.target) = (self.target, self.origin);
                 (self.elapsed_s, self.from_m) = (0.0, ego.d_m);
             }

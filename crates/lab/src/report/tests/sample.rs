@@ -1,5 +1,6 @@
 //! Made-up but plausible data: no number here was measured.
 
+use lanecraft_drive::control::GuardCause;
 use lanecraft_drive::env::{
     CandidateRecord, EgoFrame, Frame, PathRecord, TRACE_SCHEMA, TickRecord, Trace, TraceHeader, VehicleFrame,
 };
@@ -31,6 +32,8 @@ pub(super) fn result(policy: &str, reward: f64, collisions_percent: f64) -> Poli
         refusals_per_min: around(0.9, 0.1),
         fallbacks_per_min: around(0.01, 0.005),
         guard_interventions_per_min: around(0.15, 0.03),
+        guard_causes_per_min: [(GuardCause::OwnLane, around(0.12, 0.02)), (GuardCause::OtherLane, around(0.03, 0.01))]
+            .into(),
         shield_interventions_per_min: around(0.3, 0.04),
         jerk_mps3: around(0.9 + 0.02 * reward, 0.02),
     }
@@ -142,7 +145,7 @@ fn frame(time_s: f64, s_m: f64) -> Frame {
         yaw_rate_radps,
         accel_mps2: (speed(time_s + 0.01) - speed(time_s - 0.01)) / 0.02,
         steer_rad: 2.6 * yaw_rate_radps / v * (1.0 + 0.002 * v * v),
-        guarded: (5.0..5.6).contains(&time_s),
+        guard: (5.0..5.6).contains(&time_s).then_some(GuardCause::OwnLane),
     };
     Frame { time_s, ego, vehicles: vehicles(time_s, s_m), digest: "0000000000000000".into() }
 }
