@@ -4,6 +4,8 @@
 mod actuator;
 pub mod bicycle;
 mod car;
+#[cfg(test)]
+mod commonroad;
 mod options;
 mod params;
 mod plant;
