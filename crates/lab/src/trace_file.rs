@@ -364,8 +364,8 @@ mod tests {
 
     #[test]
     fn other_schemas_and_interrupted_files_are_refused() {
-        let schema = read_edited(|t| t.replacen("\"schema\":1", "\"schema\":2,\"more\":0", 1));
-        assert!(matches!(schema, Err(TraceFileError::Schema { found: 2, .. })), "{schema:?}");
+        let schema = read_edited(|t| t.replacen("\"schema\":2", "\"schema\":1,\"more\":0", 1));
+        assert!(matches!(schema, Err(TraceFileError::Schema { found: 1, .. })), "{schema:?}");
         assert!(matches!(read_edited(|_| String::new()), Err(TraceFileError::CutShort { line: 1, .. })));
         let cut = read_edited(|t| t[..t.len() - 1].into());
         assert!(matches!(cut, Err(TraceFileError::CutShort { line: 4, .. })), "{cut:?}");

@@ -46,6 +46,8 @@ fn checks_fail_where_the_stack_is_crippled() {
     let blind = |m: &mut Maneuver| (m.control.guard, m.control.safe_spacing) = (false, false);
     assert!(cripple("cut-out-standing", &blind).contains(&"no collision"));
     assert!(cripple("leader-brakes-7", &blind).contains(&"no collision"));
+    assert!(cripple("ncap-stationary-110", &blind).contains(&"no collision"));
+    assert!(cripple("ncap-overtaken-80", &|m| m.ego.path_ratio = 1e-7).contains(&"stays in its lane"));
     let short_sighted = |m: &mut Maneuver| (m.control.longitudinal_horizon, m.control.safe_spacing) = (5, false);
     assert!(cripple("standing-car-33", &short_sighted).contains(&"guard idle"));
     let free = |m: &mut Maneuver| m.control.stability_constraints = false;

@@ -62,6 +62,8 @@ pub struct EgoScript {
     pub speed_mps: f64,
     /// Lateral position at the start, m.
     pub d_m: f64,
+    /// Heading at the start, relative to the road, rad.
+    pub heading_rad: f64,
     /// Yaw rate at the start, rad/s.
     pub yaw_rate_radps: f64,
     /// Speed to hold, m/s.
@@ -84,6 +86,7 @@ impl EgoScript {
         Self {
             speed_mps,
             d_m: 0.0,
+            heading_rad: 0.0,
             yaw_rate_radps: 0.0,
             target_speed_mps: speed_mps,
             reference_accel_mps2: 0.0,

@@ -174,6 +174,7 @@ impl<'a> Drive<'a> {
         let state = VehicleState {
             d_m: ego.d_m,
             speed_mps: ego.speed_mps,
+            heading_rad: ego.heading_rad,
             yaw_rate_radps: ego.yaw_rate_radps,
             ..VehicleState::default()
         };

@@ -1,5 +1,6 @@
 //! The suite: every maneuver with its start, script and checks.
 
+mod collision_avoidance;
 mod disturbed;
 mod following;
 mod handling;
@@ -10,6 +11,7 @@ use super::{Check, Maneuver, Measure};
 /// All maneuvers in the order in which they are printed; names are unique.
 pub fn catalogue() -> Vec<Maneuver> {
     let mut all = following::maneuvers();
+    all.extend(collision_avoidance::maneuvers());
     all.extend(lane_changes::maneuvers());
     all.extend(handling::maneuvers());
     all.extend(disturbed::maneuvers());
