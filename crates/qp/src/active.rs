@@ -45,6 +45,17 @@ impl Active {
         if self.soft { self.amount * self.compliance } else { 0.0 }
     }
 
+    /// The same constraint with this multiplier.
+    pub(crate) fn with_multiplier(self, multiplier: f64) -> Self {
+        let soft = multiplier > self.l1_weight;
+        Self { soft, amount: if soft { multiplier - self.l1_weight } else { multiplier }, ..self }
+    }
+
+    /// The diagonal of M.
+    pub(crate) fn diagonal(&self) -> f64 {
+        self.curvature + if self.soft { self.compliance } else { 0.0 }
+    }
+
     /// The next piece boundary for multipliers moving at `rate`: distance and what happens there.
     fn event(&self, rate: f64) -> Option<(f64, Event)> {
         if self.soft {
@@ -116,6 +127,18 @@ impl ActiveSet {
         self.factored = 0;
     }
 
+    /// Moves all constraints this many stages earlier; those before the first stage leave.
+    pub(crate) fn shift(&mut self, stages: usize, per_stage: usize) {
+        self.factored = 0;
+        self.member.fill(false);
+        self.items.retain(|item| item.place.stage >= stages);
+        for item in &mut self.items {
+            item.place.stage -= stages;
+            item.id -= stages * per_stage;
+            self.member[item.id] = true;
+        }
+    }
+
     pub(crate) fn contains(&self, id: usize) -> bool {
         self.member[id]
     }
@@ -169,8 +192,7 @@ impl ActiveSet {
     fn set_pivot(&mut self, i: usize) {
         let item = &self.items[i];
         let row = row_of(&self.cholesky, i);
-        let diagonal = item.curvature + if item.soft { item.compliance } else { 0.0 };
-        let pivot = (diagonal - dot(row, row)).max(PIVOT_FLOOR * item.curvature).sqrt();
+        let pivot = (item.diagonal() - dot(row, row)).max(PIVOT_FLOOR * item.curvature).sqrt();
         (self.pivots[i], self.inverses[i]) = (pivot, 1.0 / pivot);
     }
 
@@ -269,7 +291,7 @@ impl ActiveSet {
     }
 
     /// Moves the items whose diagonal of M has changed to the end, where the factor is still to come.
-    fn requeue_bent(&mut self) {
+    pub(crate) fn requeue_bent(&mut self) {
         let mut i = 0;
         for _ in 0..self.items.len() {
             if self.items[i].bent {

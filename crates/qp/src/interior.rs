@@ -145,7 +145,7 @@ impl<const NX: usize, const NS: usize> Interior<NX, NS> {
     }
 
     fn factor(&mut self, problem: &Problem<NX, NS>) {
-        let mut cost_to_go = [[0.0; NX]; NX];
+        let mut cost_to_go = problem.terminal_weight;
         for (own, stage) in self.stages.iter_mut().zip(&problem.stages).rev() {
             for (i, weight) in stage.state_weight.iter().enumerate() {
                 cost_to_go[i][i] += weight;
@@ -182,7 +182,7 @@ impl<const NX: usize, const NS: usize> Interior<NX, NS> {
     }
 
     fn sweep(&mut self, problem: &Problem<NX, NS>) {
-        let mut p = [0.0; NX];
+        let mut p = problem.terminal_slope();
         for (own, stage) in self.stages.iter_mut().zip(&problem.stages).rev() {
             for ((p, weight), reference) in p.iter_mut().zip(&stage.state_weight).zip(&stage.state_reference) {
                 *p -= weight * reference;

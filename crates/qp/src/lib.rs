@@ -19,6 +19,7 @@ mod barrier;
 mod hold;
 mod interior;
 mod linalg;
+mod mirror;
 mod problem;
 mod responses;
 mod riccati;

@@ -77,6 +77,15 @@ pub(crate) fn dot(a: &[Block], b: &[Block]) -> f64 {
     ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7]))
 }
 
+/// y + t x over the blocks of x, in place.
+pub(crate) fn add_scaled_blocks(y: &mut [Block], t: f64, x: &[Block]) {
+    for (y, x) in y.iter_mut().zip(x) {
+        for i in 0..LANES {
+            y[i] += t * x[i];
+        }
+    }
+}
+
 /// Bits in which two vectors differ.
 pub(crate) fn differing_bits<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> u64 {
     let mut difference = 0;

@@ -2,6 +2,8 @@
 //!
 //! The numbers carry the caller's units: this crate knows states, inputs and rows, not what they measure.
 
+use crate::linalg::add_product;
+
 /// One soft constraint of a stage: `lower - s <= state'x_k + input u_k <= upper + s`, where the slack s >= 0 costs
 /// `l1_weight s + l2_weight s²/2`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,6 +86,9 @@ pub struct Problem<const NX: usize, const NS: usize> {
     pub input_min: f64,
     /// Hard upper bound of every input, at least `input_min`; infinity for none.
     pub input_max: f64,
+    /// T of the terminal cost ½ (x_N − xr_N)' T (x_N − xr_N), which comes on top of Q_N: symmetric and at least 0; zero for
+    /// none.
+    pub terminal_weight: [[f64; NX]; NX],
     /// Stages 0 to N-1.
     pub stages: Vec<Stage<NX, NS>>,
 }
@@ -95,7 +100,14 @@ impl<const NX: usize, const NS: usize> Problem<NX, NS> {
             initial_state: [0.0; NX],
             input_min: f64::NEG_INFINITY,
             input_max: f64::INFINITY,
+            terminal_weight: [[0.0; NX]; NX],
             stages: vec![Stage::neutral(); horizon],
         }
+    }
+
+    /// -T xr_N, the slope of the terminal cost at `x_N` = 0.
+    pub(crate) fn terminal_slope(&self) -> [f64; NX] {
+        let reference = self.stages.last().map_or([0.0; NX], |stage| stage.state_reference);
+        add_product([0.0; NX], &self.terminal_weight, &reference.map(|v| -v))
     }
 }

@@ -1,6 +1,6 @@
 //! The responses of constraints, kept as long as the matrices they follow from.
 
-use crate::linalg::{Block, LANES, Vector, differing_bits, dot};
+use crate::linalg::{Block, LANES, Vector, dot};
 use crate::problem::Problem;
 use crate::riccati::Riccati;
 
@@ -14,8 +14,6 @@ pub(crate) struct Place {
 #[derive(Clone, Debug)]
 struct Known<const NX: usize> {
     valid: bool,
-    state: Vector<NX>,
-    input: f64,
     /// Slope of the constraint's value in `x_0`, under the unconstrained feedback.
     initial_slope: Vector<NX>,
     /// z'z.
@@ -39,7 +37,7 @@ pub(crate) struct Responses<const NX: usize> {
 
 impl<const NX: usize> Responses<NX> {
     pub(crate) fn new(horizon: usize, per_stage: usize) -> Self {
-        let unknown = Known { valid: false, state: [0.0; NX], input: 0.0, initial_slope: [0.0; NX], curvature: 0.0 };
+        let unknown = Known { valid: false, initial_slope: [0.0; NX], curvature: 0.0 };
         let width = horizon.div_ceil(LANES);
         Self {
             width,
@@ -97,20 +95,16 @@ impl<const NX: usize> Responses<NX> {
         place: Place,
     ) -> f64 {
         let id = self.id(place);
-        let none = [0.0; NX];
-        let (state, input) =
-            problem.stages[place.stage].rows.get(place.index).map_or((&none, 1.0), |row| (&row.state, row.input));
-        let known = &mut self.known[id];
-        if known.valid && (differing_bits(&known.state, state) | (known.input.to_bits() ^ input.to_bits())) == 0 {
-            return known.curvature;
+        if self.known[id].valid {
+            return self.known[id].curvature;
         }
-        // What was remembered of the old response is wrong.
-        self.remembering &= !known.valid;
+        let constraint =
+            problem.stages[place.stage].rows.get(place.index).map_or((&[0.0; NX], 1.0), |row| (&row.state, row.input));
         let start = id * self.width;
         let out = &mut self.values[start..=start + place.stage / LANES];
-        let initial_slope = riccati.respond(problem, (state, input), &mut out.as_flattened_mut()[..=place.stage]);
+        let initial_slope = riccati.respond(constraint, &mut out.as_flattened_mut()[..=place.stage]);
         let curvature = dot(out, out);
-        *known = Known { valid: true, state: *state, input, initial_slope, curvature };
+        self.known[id] = Known { valid: true, initial_slope, curvature };
         curvature
     }
 

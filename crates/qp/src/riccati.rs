@@ -1,6 +1,7 @@
-//! Riccati factorization of the cost in the inputs, and the two sweeps that use it (docs/qp.md, Eqs. 3 to 8).
+//! Riccati factorization of the cost in the inputs, and the sweeps that use it (docs/qp.md, Eqs. 3 to 8).
 
-use crate::linalg::{Matrix, Vector, add_product, add_scaled, differing_bits, inner, product, transpose_product};
+use crate::linalg::{Block, Matrix, Vector, add_product, add_scaled, inner, product, transpose_product};
+use crate::mirror::StageMirror;
 use crate::problem::{Problem, Row, Stage};
 
 /// What the backward recursion leaves at stage k.
@@ -12,50 +13,40 @@ struct StageFactor<const NX: usize> {
     gain: Vector<NX>,
     /// A - B K.
     closed_loop: Matrix<NX, NX>,
-    /// 1 / S with S = R + B'P B at this stage.
-    inverse_curvature: f64,
-    /// Its square root.
+    /// 1 / √S with S = R + B'P B at this stage.
     inverse_root: f64,
+    /// B / √S.
+    scaled_b: Vector<NX>,
 }
 
-/// The matrices a factorization was made from.
+/// Minimizer of the Lagrangian, and what the rows make of it.
 #[derive(Clone, Debug)]
-struct Key<const NX: usize> {
-    a: Matrix<NX, NX>,
-    b: Vector<NX>,
-    state_weight: Vector<NX>,
-    input_weight: f64,
-}
-
-/// Signed multipliers of the constraints of one stage: positive at an upper bound, negative at a lower one, 0 if inactive.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Multipliers<const NS: usize> {
-    pub(crate) rows: [f64; NS],
-    pub(crate) input: f64,
-}
-
-/// Minimizer of the Lagrangian.
-#[derive(Clone, Debug)]
-pub(crate) struct Trajectory<const NX: usize> {
+pub(crate) struct Trajectory<const NX: usize, const NS: usize> {
     /// `u_0` to u_{N-1}.
     pub(crate) inputs: Vec<f64>,
     /// `x_0` to `x_N`.
     pub(crate) states: Vec<Vector<NX>>,
+    /// Values of the rows of each stage.
+    pub(crate) values: Vec<[f64; NS]>,
+    /// Whether a stage keeps all its bounds.
+    pub(crate) kept: Vec<bool>,
+    /// Largest violation of a row; 0 if there is none.
+    pub(crate) slack_max: f64,
     /// Largest magnitude of each state from `x_0` to x_{N-1}, and of the inputs.
     pub(crate) state_scale: Vector<NX>,
     pub(crate) input_scale: f64,
-    /// Feedforward of each stage, scratch of the sweep.
-    feedforward: Vec<f64>,
 }
 
-impl<const NX: usize> Trajectory<NX> {
+impl<const NX: usize, const NS: usize> Trajectory<NX, NS> {
     pub(crate) fn new(horizon: usize) -> Self {
         Self {
             inputs: vec![0.0; horizon],
             states: vec![[0.0; NX]; horizon + 1],
+            values: vec![[0.0; NS]; horizon],
+            kept: vec![true; horizon],
+            slack_max: 0.0,
             state_scale: [0.0; NX],
             input_scale: 0.0,
-            feedforward: vec![0.0; horizon],
         }
     }
 }
@@ -64,8 +55,6 @@ impl<const NX: usize> Trajectory<NX> {
 #[derive(Clone, Debug)]
 pub(crate) struct Riccati<const NX: usize> {
     stages: Vec<StageFactor<NX>>,
-    keys: Vec<Key<NX>>,
-    valid: bool,
 }
 
 impl<const NX: usize> Riccati<NX> {
@@ -75,36 +64,15 @@ impl<const NX: usize> Riccati<NX> {
             cost_to_go: zero,
             gain: [0.0; NX],
             closed_loop: zero,
-            inverse_curvature: 0.0,
             inverse_root: 0.0,
+            scaled_b: [0.0; NX],
         };
-        let key = Key { a: zero, b: [0.0; NX], state_weight: [0.0; NX], input_weight: 0.0 };
-        Self { stages: vec![stage; horizon], keys: vec![key; horizon], valid: false }
-    }
-
-    pub(crate) fn forget(&mut self) {
-        self.valid = false;
-    }
-
-    /// Whether A, B, Q and R of `problem` have the bits of those that were factored last.
-    pub(crate) fn holds<const NS: usize>(&self, problem: &Problem<NX, NS>) -> bool {
-        self.valid
-            && self.keys.len() == problem.stages.len()
-            && self.keys.iter().zip(&problem.stages).all(|(key, stage)| key.matches(stage))
-    }
-
-    /// Factors A, B, Q and R, and keeps them.
-    pub(crate) fn update<const NS: usize>(&mut self, problem: &Problem<NX, NS>) {
-        for (key, stage) in self.keys.iter_mut().zip(&problem.stages) {
-            *key = Key { a: stage.a, b: stage.b, state_weight: stage.state_weight, input_weight: stage.input_weight };
-        }
-        self.factor(problem);
-        self.valid = true;
+        Self { stages: vec![stage; horizon] }
     }
 
     /// Eq. 3, from the last stage to the first.
-    fn factor<const NS: usize>(&mut self, problem: &Problem<NX, NS>) {
-        let mut cost_to_go = [[0.0; NX]; NX];
+    pub(crate) fn factor<const NS: usize>(&mut self, problem: &Problem<NX, NS>) {
+        let mut cost_to_go = problem.terminal_weight;
         for (factor, stage) in self.stages.iter_mut().zip(&problem.stages).rev() {
             for (i, weight) in stage.state_weight.iter().enumerate() {
                 cost_to_go[i][i] += weight;
@@ -117,85 +85,78 @@ impl<const NX: usize> Riccati<NX> {
                 *row = add_scaled(*row, -b, &gain);
             }
             let next = symmetric_step(&cost_to_go, &closed_loop, &gain, stage.input_weight);
-            let inverse_curvature = 1.0 / curvature;
-            *factor = StageFactor {
-                cost_to_go,
-                gain,
-                closed_loop,
-                inverse_curvature,
-                inverse_root: inverse_curvature.sqrt(),
-            };
+            let inverse_root = (1.0 / curvature).sqrt();
+            let scaled_b = stage.b.map(|v| v * inverse_root);
+            *factor = StageFactor { cost_to_go, gain, closed_loop, inverse_root, scaled_b };
             cost_to_go = next;
         }
     }
 
-    /// Minimizes the Lagrangian for these multipliers (Eqs. 4 and 5).
-    pub(crate) fn minimize<const NS: usize>(
+    /// ρ / √S of each stage without multipliers (Eq. 4); `terminal` is the slope of the terminal cost at `x_N` = 0.
+    pub(crate) fn sweep_back<const NS: usize>(
         &self,
-        problem: &Problem<NX, NS>,
-        multipliers: &[Multipliers<NS>],
-        out: &mut Trajectory<NX>,
+        mirror: &[StageMirror<NX, NS>],
+        terminal: Vector<NX>,
+        out: &mut [Block],
     ) {
-        self.sweep_back(problem, multipliers, &mut out.feedforward);
-        let mut x = problem.initial_state;
-        out.states[0] = x;
-        out.state_scale = [0.0; NX];
-        out.input_scale = 0.0;
-        for (k, (factor, stage)) in self.stages.iter().zip(&problem.stages).enumerate() {
-            for (scale, v) in out.state_scale.iter_mut().zip(&x) {
-                *scale = scale.max(v.abs());
+        let mut p = terminal;
+        let out = out.as_flattened_mut()[..mirror.len()].iter_mut();
+        for ((factor, stage), out) in self.stages.iter().zip(mirror).zip(out).rev() {
+            let mut h = add_scaled(p, -1.0, &stage.state_pull);
+            for (column, c) in factor.cost_to_go.iter().zip(&stage.c) {
+                // P is symmetric: its rows are its columns.
+                h = add_scaled(h, *c, column);
             }
-            let u = out.feedforward[k] - inner(&factor.gain, &x);
-            out.input_scale = out.input_scale.max(u.abs());
-            x = step(stage, &x, u);
-            out.inputs[k] = u;
-            out.states[k + 1] = x;
+            *out = inner(&factor.scaled_b, &h) - stage.input_pull * factor.inverse_root;
+            p = factor.gain.map(|v| v * stage.input_pull);
+            for (line, h) in factor.closed_loop.iter().zip(&h) {
+                p = add_scaled(p, *h, line);
+            }
         }
     }
 
-    fn sweep_back<const NS: usize>(
+    /// The trajectory for given ρ / √S (Eq. 5), the values of its rows, and which stages keep their bounds.
+    pub(crate) fn sweep_forward<const NS: usize>(
         &self,
-        problem: &Problem<NX, NS>,
-        multipliers: &[Multipliers<NS>],
-        feedforward: &mut [f64],
+        mirror: &[StageMirror<NX, NS>],
+        (input_min, input_max): (f64, f64),
+        rho: &[Block],
+        out: &mut Trajectory<NX, NS>,
     ) {
-        let mut p = [0.0; NX];
-        for (k, (factor, stage)) in self.stages.iter().zip(&problem.stages).enumerate().rev() {
-            for ((p, weight), reference) in p.iter_mut().zip(&stage.state_weight).zip(&stage.state_reference) {
-                *p -= weight * reference;
+        let mut x = out.states[0];
+        let (mut state_scale, mut input_scale, mut excess_max) = ([0.0; NX], 0.0, [0.0; NS]);
+        let outputs = out.inputs.iter_mut().zip(&mut out.states[1..]).zip(out.values.iter_mut().zip(&mut out.kept));
+        let inputs = self.stages.iter().zip(mirror).zip(rho.as_flattened());
+        for (((factor, stage), rho), ((input, next), (values, kept))) in inputs.zip(outputs) {
+            let u = -rho * factor.inverse_root - inner(&factor.gain, &x);
+            *input = u;
+            *values = stage.values(&x, u);
+            *kept = (u <= input_max) & (u >= input_min);
+            for i in 0..NS {
+                let excess = larger(values[i] - stage.upper[i], stage.lower[i] - values[i]);
+                *kept &= excess <= 0.0;
+                excess_max[i] = larger(excess, excess_max[i]);
             }
-            let h = add_scaled(add_product([0.0; NX], &factor.cost_to_go, &stage.c), 1.0, &p);
-            let mut own = multipliers[k].input - stage.input_weight * stage.input_reference;
-            let mut pull = [0.0; NX];
-            for (row, &multiplier) in stage.rows.iter().zip(&multipliers[k].rows) {
-                if multiplier != 0.0 {
-                    own += multiplier * row.input;
-                    pull = add_scaled(pull, multiplier, &row.state);
-                }
+            for i in 0..NX {
+                state_scale[i] = larger(x[i].abs(), state_scale[i]);
             }
-            feedforward[k] = -(inner(&stage.b, &h) + own) * factor.inverse_curvature;
-            p = add_scaled(pull, -own, &factor.gain);
-            for (closed_loop, h) in factor.closed_loop.iter().zip(&h) {
-                p = add_scaled(p, *h, closed_loop);
-            }
+            input_scale = larger(u.abs(), input_scale);
+            x = stage.step(&x, u);
+            *next = x;
         }
+        (out.state_scale, out.input_scale) = (state_scale, input_scale);
+        out.slack_max = excess_max.into_iter().fold(0.0, larger);
     }
 
     /// Response z of a constraint on (`x_k`, `u_k`), k = `out.len() - 1`, and the slope of its value in `x_0` (Eqs. 6 to 8).
-    pub(crate) fn respond<const NS: usize>(
-        &self,
-        problem: &Problem<NX, NS>,
-        constraint: (&Vector<NX>, f64),
-        out: &mut [f64],
-    ) -> Vector<NX> {
+    pub(crate) fn respond(&self, constraint: (&Vector<NX>, f64), out: &mut [f64]) -> Vector<NX> {
         let (state, input) = constraint;
         let Some((last, earlier)) = out.split_last_mut() else { return *state };
         let factor = &self.stages[earlier.len()];
         *last = input * factor.inverse_root;
         let mut p = add_scaled(*state, -input, &factor.gain);
-        for (k, z) in earlier.iter_mut().enumerate().rev() {
-            let factor = &self.stages[k];
-            *z = inner(&problem.stages[k].b, &p) * factor.inverse_root;
+        for (factor, z) in self.stages.iter().zip(earlier).rev() {
+            *z = inner(&factor.scaled_b, &p);
             p = transpose_product(&factor.closed_loop, &p);
         }
         p
@@ -207,14 +168,28 @@ impl<const NX: usize> Riccati<NX> {
     }
 }
 
-impl<const NX: usize> Key<NX> {
-    fn matches<const NS: usize>(&self, stage: &Stage<NX, NS>) -> bool {
-        let mut difference = self.input_weight.to_bits() ^ stage.input_weight.to_bits();
-        for (line, other) in self.a.iter().zip(&stage.a) {
-            difference |= differing_bits(line, other);
+/// The larger number; `b` if one is not a number. One instruction, which `f64::max` is not.
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+impl<const NX: usize, const NS: usize> StageMirror<NX, NS> {
+    /// Values of the rows at (x, u), all side by side.
+    fn values(&self, x: &Vector<NX>, u: f64) -> [f64; NS] {
+        let mut values = self.row_inputs.map(|d| d * u);
+        for (column, x) in self.row_columns.iter().zip(x) {
+            values = add_scaled(values, *x, column);
         }
-        difference |= differing_bits(&self.b, &stage.b) | differing_bits(&self.state_weight, &stage.state_weight);
-        difference == 0
+        values
+    }
+
+    /// A x + B u + c, with the bits of [`step`].
+    fn step(&self, x: &Vector<NX>, u: f64) -> Vector<NX> {
+        let mut next = self.c;
+        for (column, x) in self.a_columns.iter().zip(x) {
+            next = add_scaled(next, *x, column);
+        }
+        add_scaled(next, u, &self.b)
     }
 }
 

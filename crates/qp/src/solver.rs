@@ -2,10 +2,11 @@
 
 use crate::active::{Active, ActiveSet, Walk};
 use crate::interior::Interior;
-use crate::linalg::{Block, LANES};
+use crate::linalg::{Block, LANES, add_scaled_blocks};
+use crate::mirror::{Mirror, Sameness};
 use crate::problem::{Problem, Row};
 use crate::responses::{Place, Responses};
-use crate::riccati::{Multipliers, Riccati, Trajectory, row_value, step};
+use crate::riccati::{Riccati, Trajectory, row_value, step};
 use crate::validate::validate;
 use crate::verdict::{ActiveRow, Constraint, Side, Start, Status, Verdict};
 
@@ -62,13 +63,14 @@ const NOT_PRICED: Price = Price { violation: 0.0, gain: 0.0, slack_max: f64::INF
 #[derive(Clone, Debug)]
 pub struct Solver<const NX: usize, const NS: usize> {
     horizon: usize,
+    mirror: Mirror<NX, NS>,
     riccati: Riccati<NX>,
     responses: Responses<NX>,
     active: ActiveSet,
-    /// Active set of the last solve while the next one is prepared.
-    carried: Vec<Active>,
-    multipliers: Vec<Multipliers<NS>>,
-    trajectory: Trajectory<NX>,
+    /// ρ / √S of each stage, without multipliers and with those at hand.
+    free: Vec<Block>,
+    driven: Vec<Block>,
+    trajectory: Trajectory<NX, NS>,
     candidates: Vec<Candidate>,
     scratch: Vec<Block>,
     interior: Interior<NX, NS>,
@@ -83,11 +85,12 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
         let capacity = horizon * (NS + 1);
         Self {
             horizon,
+            mirror: Mirror::new(horizon),
             riccati: Riccati::new(horizon),
             responses: Responses::new(horizon, NS + 1),
             active: ActiveSet::new(capacity),
-            carried: Vec::with_capacity(capacity),
-            multipliers: vec![Multipliers { rows: [0.0; NS], input: 0.0 }; horizon],
+            free: vec![[0.0; LANES]; horizon.div_ceil(LANES)],
+            driven: vec![[0.0; LANES]; horizon.div_ceil(LANES)],
             trajectory: Trajectory::new(horizon),
             candidates: vec![NO_CANDIDATE; horizon],
             scratch: vec![[0.0; LANES]; capacity.div_ceil(LANES)],
@@ -99,7 +102,7 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
 
     /// Forgets all earlier solves.
     pub fn reset(&mut self) {
-        self.riccati.forget();
+        self.mirror.forget();
         self.responses.forget();
         self.active.clear();
         self.trajectory.inputs.fill(0.0);
@@ -131,53 +134,73 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     pub fn solve(&mut self, problem: &Problem<NX, NS>, start: Start) -> Verdict<NX> {
         self.iterations = 0;
         self.work = WORK_BUDGET;
-        let kept = self.riccati.holds(problem);
-        if let Err(error) = validate(problem, self.horizon, kept) {
+        let same = self.mirror.compare(problem);
+        if let Err(error) = validate(problem, self.horizon, same) {
             self.reset();
             return self.verdict(Status::InvalidInput(error), f64::INFINITY);
         }
-        if kept {
-            self.responses.remember_couplings();
-        } else {
-            self.riccati.update(problem);
-            self.responses.forget();
-        }
+        self.prepare(problem, same);
         self.carry(problem, start);
         let rest = self.maximize_dual(problem);
         self.finish(problem, &rest)
     }
 
-    /// Takes over the active set of the last solve, as far as it has a meaning in this one.
-    fn carry(&mut self, problem: &Problem<NX, NS>, start: Start) {
-        self.carried.clear();
-        self.carried.extend_from_slice(&self.active.items);
-        self.active.clear();
-        let Start::Shifted(stages) = start else { return };
-        for i in 0..self.carried.len() {
-            let old = self.carried[i];
-            let Some(stage) = old.place.stage.checked_sub(stages) else { continue };
-            let place = Place { stage, index: old.place.index };
-            self.resume(problem, place, old.sign, old.multiplier());
+    /// Brings everything that does not depend on the active set up to date with `problem`.
+    fn prepare(&mut self, problem: &Problem<NX, NS>, same: Sameness) {
+        self.mirror.update(problem, same);
+        if same.is_whole() {
+            self.responses.remember_couplings();
+        } else {
+            self.responses.forget();
+            self.active.forget_factor();
         }
+        if !same.matrices {
+            self.riccati.factor(problem);
+        }
+        self.riccati.sweep_back(&self.mirror.stages, problem.terminal_slope(), &mut self.free);
+        self.trajectory.states[0] = problem.initial_state;
+    }
+
+    /// Takes over the active set of the last solve, as far as it has a meaning in this one. Its factor stays where nothing
+    /// that it follows from has changed.
+    fn carry(&mut self, problem: &Problem<NX, NS>, start: Start) {
+        match start {
+            Start::Cold => self.active.clear(),
+            Start::Shifted(0) => {}
+            Start::Shifted(stages) => self.active.shift(stages, NS + 1),
+        }
+        for i in (0..self.active.items.len()).rev() {
+            self.renew(problem, i);
+        }
+        self.active.requeue_bent();
+    }
+
+    /// Brings active constraint `i` up to date with `problem`; removes it if it has no bound or no input can move it.
+    fn renew(&mut self, problem: &Problem<NX, NS>, i: usize) {
+        let item = self.active.items[i];
+        let fresh = self.item(problem, item.place, item.sign);
+        if fresh.curvature == 0.0 || !fresh.bound.is_finite() {
+            return self.active.remove(i);
+        }
+        let fresh = fresh.with_multiplier(item.multiplier());
+        let bent = item.diagonal() != fresh.diagonal();
+        self.active.items[i] = Active { bent, ..fresh };
     }
 
     /// Adds a constraint with a multiplier, if it has a bound and inputs can move it.
     fn resume(&mut self, problem: &Problem<NX, NS>, place: Place, sign: f64, multiplier: f64) {
-        self.enter(problem, place, sign, 0.0);
-        let Some(item) = self.active.items.last_mut() else { return };
-        item.soft = multiplier > item.l1_weight;
-        item.amount = if item.soft { multiplier - item.l1_weight } else { multiplier };
-        if item.curvature == 0.0 || !item.bound.is_finite() {
-            self.active.remove(self.active.items.len() - 1);
+        let item = self.item(problem, place, sign);
+        if item.curvature > 0.0 && item.bound.is_finite() {
+            self.active.push(item.with_multiplier(multiplier));
         }
     }
 
-    /// Adds a constraint with multiplier 0, at which the slope of the dual is its violation.
-    fn enter(&mut self, problem: &Problem<NX, NS>, place: Place, sign: f64, slope: f64) {
+    /// A constraint with multiplier 0.
+    fn item(&mut self, problem: &Problem<NX, NS>, place: Place, sign: f64) -> Active {
         let curvature = self.responses.learn(&self.riccati, problem, place);
         let row = problem.stages[place.stage].rows.get(place.index);
         let (lower, upper) = row.map_or((problem.input_min, problem.input_max), |row| (row.lower, row.upper));
-        self.active.push(Active {
+        Active {
             place,
             id: self.responses.id(place),
             sign,
@@ -188,10 +211,10 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             // No input can help a row without response: only its slack can.
             soft: curvature == 0.0,
             amount: 0.0,
-            slope,
+            slope: 0.0,
             fall: 0.0,
             bent: false,
-        });
+        }
     }
 
     /// Raises the dual until no constraint is violated; returns what is left, active constraints included.
@@ -261,12 +284,13 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     }
 
     fn minimize_lagrangian(&mut self, problem: &Problem<NX, NS>) {
-        self.multipliers.fill(Multipliers { rows: [0.0; NS], input: 0.0 });
+        self.driven.copy_from_slice(&self.free);
         for item in &self.active.items {
-            let stage = &mut self.multipliers[item.place.stage];
-            *stage.rows.get_mut(item.place.index).unwrap_or(&mut stage.input) = item.sign * item.multiplier();
+            let response = self.responses.response(item.place);
+            add_scaled_blocks(&mut self.driven, item.sign * item.multiplier(), response);
         }
-        self.riccati.minimize(problem, &self.multipliers, &mut self.trajectory);
+        let bounds = (problem.input_min, problem.input_max);
+        self.riccati.sweep_forward(&self.mirror.stages, bounds, &self.driven, &mut self.trajectory);
     }
 
     /// Slopes of the dual in the active multipliers; returns the largest relative one, or infinity if a number is not finite.
@@ -274,10 +298,9 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
         let mut worst: f64 = 0.0;
         for i in 0..self.active.items.len() {
             let item = &self.active.items[i];
-            let stage = item.place.stage;
-            let (x, u) = (&self.trajectory.states[stage], self.trajectory.inputs[stage]);
-            let row = problem.stages[stage].rows.get(item.place.index);
-            let value = row.map_or(u, |row| row_value(row, x, u));
+            let Place { stage, index } = item.place;
+            let row = problem.stages[stage].rows.get(index);
+            let value = self.value(item.place);
             let slope = item.sign * value - item.bound - item.slack();
             let scale = self.scale(row) + item.bound.abs() + item.slack();
             self.active.items[i].slope = slope;
@@ -291,6 +314,12 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
         if self.trajectory.inputs.iter().all(|u| u.is_finite()) { worst } else { f64::INFINITY }
     }
 
+    /// Value of a constraint on the present trajectory.
+    fn value(&self, place: Place) -> f64 {
+        let rows = &self.trajectory.values[place.stage];
+        rows.get(place.index).copied().unwrap_or(self.trajectory.inputs[place.stage])
+    }
+
     /// Size of the terms a constraint is summed from.
     fn scale(&self, row: Option<&Row<NX>>) -> f64 {
         let Some(row) = row else { return self.trajectory.input_scale };
@@ -301,19 +330,10 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     /// Finds the best candidate of each stage, among violations that stand out from the rounding in `held`.
     fn price(&mut self, problem: &Problem<NX, NS>, held: f64) -> Price {
         let threshold = TOLERANCE.max(10.0 * held);
-        let mut price = Price { slack_max: 0.0, ..NOT_PRICED };
+        let mut price = Price { slack_max: self.trajectory.slack_max, ..NOT_PRICED };
         for stage in 0..self.horizon {
-            let (x, u) = (&self.trajectory.states[stage], self.trajectory.inputs[stage]);
-            let mut kept = u <= problem.input_max && u >= problem.input_min;
-            for row in &problem.stages[stage].rows {
-                let value = row_value(row, x, u);
-                let (above, below) = (value - row.upper, row.lower - value);
-                let excess = if above > below { above } else { below };
-                price.slack_max = if excess > price.slack_max { excess } else { price.slack_max };
-                kept &= excess <= 0.0;
-            }
             self.candidates[stage].gain = 0.0;
-            if !kept {
+            if !self.trajectory.kept[stage] {
                 self.price_stage(problem, stage, threshold, &mut price);
             }
         }
@@ -321,14 +341,13 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     }
 
     fn price_stage(&mut self, problem: &Problem<NX, NS>, stage: usize, threshold: f64, price: &mut Price) {
-        let (x, u) = (self.trajectory.states[stage], self.trajectory.inputs[stage]);
         let mut best = NO_CANDIDATE;
         for (index, row) in problem.stages[stage].rows.iter().map(Some).chain([None]).enumerate() {
-            let value = row.map_or(u, |row| row_value(row, &x, u));
+            let place = Place { stage, index };
+            let value = self.value(place);
             let (lower, upper) = row.map_or((problem.input_min, problem.input_max), |row| (row.lower, row.upper));
             let (sign, bound) = if value > upper { (1.0, upper) } else { (-1.0, -lower) };
             let excess = sign * value - bound;
-            let place = Place { stage, index };
             if excess <= 0.0 || self.active.contains(self.responses.id(place)) {
                 continue;
             }
@@ -366,7 +385,9 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             let peak = !above(stage.checked_sub(1)) && !above(Some(stage + 1));
             let good = peak && entered < limit && candidate.gain > ENTRY_SHARE * best;
             if good || candidate.gain == best {
-                self.enter(problem, Place { stage, index: candidate.index }, candidate.sign, candidate.excess);
+                let item = self.item(problem, Place { stage, index: candidate.index }, candidate.sign);
+                // With multiplier 0 the slope of the dual is the violation.
+                self.active.push(Active { slope: candidate.excess, ..item });
                 entered += 1;
             }
         }

@@ -1,5 +1,7 @@
 //! What makes a problem unusable, found before any arithmetic is done with it.
 
+use crate::linalg::Matrix;
+use crate::mirror::Sameness;
 use crate::problem::{Problem, Row, Stage};
 
 /// A field of the problem, as named in [`Problem`], [`Stage`] and [`Row`].
@@ -10,6 +12,8 @@ pub enum Field {
     InitialState,
     /// [`Problem::input_min`] and [`Problem::input_max`]
     InputBounds,
+    /// [`Problem::terminal_weight`]
+    TerminalWeight,
     /// [`Stage::a`]
     A,
     /// [`Stage::b`]
@@ -66,6 +70,12 @@ pub enum InvalidInput {
         /// Its value.
         value: f64,
     },
+    /// A matrix is not symmetric, or has a negative eigenvalue.
+    #[error("{field:?} must be a symmetric matrix without negative eigenvalues")]
+    Indefinite {
+        /// The field.
+        field: Field,
+    },
     /// The two bounds are NaN, exclude each other, or are the same infinity.
     #[error(
         "{field:?} of stage {stage} are {lower} and {upper}, but must be lower <= upper, below +inf and above -inf"
@@ -82,22 +92,34 @@ pub enum InvalidInput {
     },
 }
 
-/// Checks every number of `problem`; not A, B, Q and R if they are `known` to be valid.
+/// Share of its trace by which a terminal weight may be indefinite: rounding in the recursion that it comes from.
+const DEFINITENESS_TOLERANCE: f64 = 1e-10;
+
+/// Checks every number of `problem`; not those that are the `same` as in the last one, which was valid.
 pub(crate) fn validate<const NX: usize, const NS: usize>(
     problem: &Problem<NX, NS>,
     horizon: usize,
-    known: bool,
+    same: Sameness,
 ) -> Result<(), InvalidInput> {
     if problem.stages.len() != horizon {
         return Err(InvalidInput::Horizon { expected: horizon, found: problem.stages.len() });
     }
     finite(&problem.initial_state, Field::InitialState, 0)?;
     ordered(problem.input_min, problem.input_max, Field::InputBounds, 0)?;
+    if !same.matrices {
+        finite(problem.terminal_weight.as_flattened(), Field::TerminalWeight, 0)?;
+        if !is_semidefinite(problem.terminal_weight) {
+            return Err(InvalidInput::Indefinite { field: Field::TerminalWeight });
+        }
+    }
     let mut taint = Taint::default();
     let mut valid = true;
     for stage in &problem.stages {
-        valid &= known || has_valid_matrices(stage, &mut taint);
-        valid &= has_valid_rows(stage, &mut taint);
+        valid &= same.matrices || has_valid_matrices(stage, &mut taint);
+        valid &= has_valid_vectors(stage, &mut taint);
+        if !same.rows {
+            stage.rows.iter().for_each(|row| taint.add_row(row));
+        }
     }
     if valid && taint.is_clean() {
         return Ok(());
@@ -114,6 +136,11 @@ impl Taint {
         for (i, v) in values.iter().enumerate() {
             self.0[i % 4] += v * 0.0;
         }
+    }
+
+    fn add_row<const NX: usize>(&mut self, row: &Row<NX>) {
+        self.add(&row.state);
+        self.add(&[row.input]);
     }
 
     fn is_clean(&self) -> bool {
@@ -137,18 +164,47 @@ fn has_valid_matrices<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, t
     valid
 }
 
-fn has_valid_rows<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, taint: &mut Taint) -> bool {
+fn has_valid_vectors<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, taint: &mut Taint) -> bool {
     taint.add(&stage.c);
     taint.add(&stage.state_reference);
     let mut valid = true;
     for row in &stage.rows {
-        taint.add(&row.state);
-        taint.add(&[row.input, row.l1_weight, row.l2_weight]);
-        valid &= row.l1_weight >= 0.0 && row.l2_weight > 0.0;
-        valid &= row.lower <= row.upper && row.lower < f64::INFINITY && row.upper > f64::NEG_INFINITY;
+        // Comparisons with NaN are false.
+        valid &= (row.l1_weight >= 0.0) & (row.l1_weight < f64::INFINITY);
+        valid &= (row.l2_weight > 0.0) & (row.l2_weight < f64::INFINITY);
+        valid &= (row.lower <= row.upper) & (row.lower < f64::INFINITY) & (row.upper > f64::NEG_INFINITY);
     }
     taint.add(&[stage.input_reference]);
     valid
+}
+
+/// Whether elimination meets no pivot below zero, but for rounding.
+fn is_semidefinite<const N: usize>(mut matrix: Matrix<N, N>) -> bool {
+    let trace: f64 = (0..N).map(|i| matrix[i][i]).sum();
+    let tolerance = DEFINITENESS_TOLERANCE * trace;
+    for i in 0..N {
+        let pivot = matrix[i][i];
+        for j in i + 1..N {
+            // Next to a pivot of 0 a semidefinite matrix has zeros.
+            let stray = matrix[i][j] != matrix[j][i] || (pivot <= tolerance && matrix[i][j].abs() > tolerance);
+            if stray {
+                return false;
+            }
+        }
+        if pivot < -tolerance || tolerance < 0.0 {
+            return false;
+        }
+        if pivot > tolerance {
+            for j in i + 1..N {
+                let factor = matrix[i][j] / pivot;
+                for l in j..N {
+                    matrix[j][l] -= factor * matrix[i][l];
+                    matrix[l][j] = matrix[j][l];
+                }
+            }
+        }
+    }
+    true
 }
 
 fn validate_stage<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, k: usize) -> Result<(), InvalidInput> {
