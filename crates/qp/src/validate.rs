@@ -185,8 +185,9 @@ fn is_semidefinite<const N: usize>(mut matrix: Matrix<N, N>) -> bool {
     for i in 0..N {
         let pivot = matrix[i][i];
         for j in i + 1..N {
-            // Next to a pivot of 0 a semidefinite matrix has zeros.
-            let stray = matrix[i][j] != matrix[j][i] || (pivot <= tolerance && matrix[i][j].abs() > tolerance);
+            // A semidefinite matrix has m_ij² ≤ m_ii m_jj: next to a pivot of 0, zeros.
+            let most = tolerance * matrix[j][j].max(tolerance);
+            let stray = matrix[i][j] != matrix[j][i] || (pivot <= tolerance && matrix[i][j] * matrix[i][j] > most);
             if stray {
                 return false;
             }
@@ -246,5 +247,20 @@ fn ordered(lower: f64, upper: f64, field: Field, stage: usize) -> Result<(), Inv
         Ok(())
     } else {
         Err(InvalidInput::IllOrdered { field, stage, lower, upper })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn semidefinite_matrices_are_told_from_others() {
+        // Of rank one, with a first pivot of next to nothing.
+        assert!(is_semidefinite([[1e-12, 1e-6], [1e-6, 1.0]]));
+        assert!(is_semidefinite([[0.0, 0.0], [0.0, 1.0]]) && is_semidefinite([[0.0; 2]; 2]));
+        assert!(!is_semidefinite([[0.0, 1e-3], [1e-3, 1.0]]));
+        assert!(!is_semidefinite([[1.0, 2.0], [2.0, 1.0]]));
+        assert!(!is_semidefinite([[1.0, 0.5], [0.4, 1.0]]));
     }
 }
