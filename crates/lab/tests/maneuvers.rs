@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use lanecraft_drive::control::TerminalCost;
 use lanecraft_drive::vehicle::{LoadTransfer, TireModel};
 use lanecraft_lab::maneuvers::{LateralLaw, Maneuver, SpeedLaw, Stack, catalogue};
 
@@ -90,4 +91,18 @@ fn classical_controllers_drive_the_same_maneuvers() {
             }
         }
     }
+}
+
+#[test]
+fn the_regulators_cost_to_go_makes_a_short_horizon_long_enough() {
+    let failing = |terminal_cost| {
+        let all = catalogue().into_iter().map(|mut maneuver| {
+            (maneuver.control.lateral_horizon, maneuver.control.terminal_cost) = (8, terminal_cost);
+            maneuver
+        });
+        all.filter(|maneuver| !failed(maneuver).is_empty()).map(|maneuver| maneuver.name).collect::<Vec<_>>()
+    };
+    assert_eq!(failing(TerminalCost::Riccati), Vec::<String>::new());
+    let weighted = failing(TerminalCost::Weighted);
+    assert!(weighted.len() >= 4, "{weighted:?}");
 }

@@ -26,6 +26,17 @@ pub enum HeadingReference {
     Zero,
 }
 
+/// What stands for all that lies beyond the lateral horizon.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum TerminalCost {
+    /// The last stage, weighed by `terminal_weight`.
+    Weighted,
+    /// The cost-to-go of the linear-quadratic regulator without constraints, which solves the discrete algebraic Riccati
+    /// equation (Mayne, Rawlings, Rao and Scokaert, 2000).
+    Riccati,
+}
+
 /// Motion control. All weights of one problem are relative to each other.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -92,8 +103,9 @@ pub struct ControlConfig {
     pub stability_l1_weight: f64,
     /// Quadratic slack weight of the stability bounds, 1/rad².
     pub stability_l2_weight: f64,
-    /// What the last stage of the lateral problem counts against the others: above 1 it stands for what lies beyond
-    /// the horizon. The paper has 1.
+    /// What stands for all that lies beyond the lateral horizon. The paper has nothing.
+    pub terminal_cost: TerminalCost,
+    /// What the last stage of the lateral problem counts against the others where it is weighed. The paper has 1.
     pub terminal_weight: f64,
     /// Whether plans begin where the commands still on their way will have led, which matters only where the actuators
     /// have a delay.
@@ -166,6 +178,7 @@ impl Default for ControlConfig {
             yaw_rate_factor: 0.85,
             stability_l1_weight: 2e4,
             stability_l2_weight: 1e6,
+            terminal_cost: TerminalCost::Weighted,
             terminal_weight: 1.0,
             delay_compensation: true,
             observer: false,

@@ -9,13 +9,15 @@
 //! are added. Cost and slack weights are divided by P_21, so that the slack weights mean the same at every q_2. At low
 //! speed R_2 falls and the reference is approached no more steeply than the car can go. By choice the plan begins where
 //! the commands on their way through the steering's delay will have led, constant disturbances are estimated and their
-//! steady states added to the references, so that they leave no offset, and the last stage weighs more.
+//! steady states added to the references, so that they leave no offset, and what lies beyond the horizon is weighed: by the last
+//! stage or by the cost-to-go of the regulator without constraints.
 
 use std::sync::Arc;
 
 use lanecraft_qp::{Problem, Row, Solver, Start};
 
-use crate::control::config::{ControlConfig, HeadingReference, MAX_HORIZON};
+use crate::control::classical::{Square, Steady, riccati};
+use crate::control::config::{ControlConfig, HeadingReference, MAX_HORIZON, TerminalCost};
 use crate::control::delay::SentCommands;
 use crate::control::observer::LateralObserver;
 use crate::control::verdict::{Rung, SolveSummary};
@@ -117,12 +119,21 @@ pub struct LateralMpc {
     observer: LateralObserver,
     /// Where the plan begins: how long from now, s, and how far along the road, m.
     start: (f64, f64),
+    tail: Tail,
     problem: Problem<5, 4>,
     solver: Solver<5, 4>,
     /// Control steps since the last solved plan.
     plan_age: usize,
     planned_changes_rad: [f64; MAX_HORIZON],
     last_steer_rad: f64,
+}
+
+/// The last cost-to-go that was asked for, less the cost of the last stage, and what it was asked for.
+#[derive(Clone, Debug)]
+struct Tail {
+    speed_mps: f64,
+    steer_cost: f64,
+    weight: Square,
 }
 
 /// The limits of Eq. 26 on this road.
@@ -158,6 +169,7 @@ impl LateralMpc {
             sent,
             observer: LateralObserver::new(config.observer_time_s, control_period_s),
             start: (0.0, 0.0),
+            tail: Tail { speed_mps: f64::NAN, steer_cost: f64::NAN, weight: [[0.0; 5]; 5] },
             problem,
             solver: Solver::new(horizon),
             plan_age: usize::MAX,
@@ -272,12 +284,38 @@ impl LateralMpc {
             let slow = (speed_mps / STEER_COST_SPEED_MPS).min(1.0);
             let steer_cost = steer_cost * slow * slow;
             let steady_steer_rad = steady_steer_rad(&self.params, speed_mps, curvature) + held_steer_rad;
-            let share = if k + 1 == horizon { self.config.terminal_weight } else { 1.0 };
+            let last = k + 1 == horizon;
+            let weighted = last && self.config.terminal_cost == TerminalCost::Weighted;
+            let share = if weighted { self.config.terminal_weight } else { 1.0 };
             let stage = &mut self.problem.stages[k];
             stage.state_weight = [share * POSITION_TO_HEADING, 0.0, share, 0.0, share * steer_cost];
             stage.state_reference = [d_m, 0.0, heading, 0.0, steady_steer_rad];
             stage.input_weight = steer_cost * self.config.steer_change_weight;
+            if last && !weighted {
+                self.set_tail(scene, reference, speed_mps, steady_lateral_mps);
+            }
         }
+    }
+
+    /// Ends the problem in the cost-to-go at this speed, about the steady motion along the reference.
+    fn set_tail(&mut self, scene: &Scene, reference: LateralReference<'_>, speed_mps: f64, drift_mps: f64) {
+        let end_s = self.start.0 + self.problem.stages.len() as f64 * self.period_s;
+        let steady = Steady::new(&self.params, scene, reference, speed_mps, end_s);
+        let Some(stage) = self.problem.stages.last_mut() else { return };
+        stage.state_reference[1] = steady.lateral_speed_mps + drift_mps;
+        stage.state_reference[3] = steady.yaw_rate_radps;
+        let (weights, steer_cost) = (stage.state_weight, stage.input_weight);
+        let grid_mps = speed_mps.round();
+        if (self.tail.speed_mps, self.tail.steer_cost) != (grid_mps, steer_cost) {
+            let model = interpolated(&self.models, grid_mps);
+            let (cost, _) = riccati(&model, &weights, steer_cost);
+            // The solver adds the last stage's own cost, and asks for symmetry to the last bit.
+            let weight = core::array::from_fn(|i| {
+                core::array::from_fn(|j| 0.5 * (cost[i][j] + cost[j][i]) - if i == j { weights[i] } else { 0.0 })
+            });
+            self.tail = Tail { speed_mps: grid_mps, steer_cost, weight };
+        }
+        self.problem.terminal_weight = self.tail.weight;
     }
 
     /// Road-wheel angle, rad, and lateral speed, m/s, that the estimated disturbance asks for.

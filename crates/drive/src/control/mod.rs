@@ -13,7 +13,7 @@ mod tests;
 mod verdict;
 mod worst_case;
 
-pub use config::{ControlConfig, Footing, HeadingReference, MAX_HORIZON};
+pub use config::{ControlConfig, Footing, HeadingReference, MAX_HORIZON, TerminalCost};
 pub use guard::{Guard, GuardCause};
 pub use lateral::{LateralMpc, LateralReference, SteerPlan};
 pub use longitudinal::{LongitudinalMpc, SPEED_POINTS, SpeedGoal, SpeedPlan};

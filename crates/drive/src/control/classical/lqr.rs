@@ -24,7 +24,7 @@ const TOLERANCE: f64 = 1e-12;
 const ITERATIONS_MAX: u32 = 20_000;
 
 type Gain = [f64; 5];
-type Square = [[f64; 5]; 5];
+pub(in crate::control) type Square = [[f64; 5]; 5];
 
 /// The regulator with its gains for all speeds.
 #[derive(Clone, Debug)]
@@ -47,7 +47,7 @@ impl Lqr {
             let steer_cost = slow * slow / path_ratio;
             let weights = [POSITION_TO_HEADING, 0.0, 1.0, 0.0, steer_cost];
             let model = DiscreteBicycle::new(params, speed_mps, control_period_s);
-            riccati_gain(&model, &weights, steer_cost * steer_change_weight)
+            riccati(&model, &weights, steer_cost * steer_change_weight).1
         });
         Self {
             params: params.clone(),
@@ -91,8 +91,12 @@ impl Lqr {
     }
 }
 
-/// K of u = −K x from the fixed point of P = Q + Aᵀ P (A − B K), K = Bᵀ P A / (R + Bᵀ P B).
-pub(super) fn riccati_gain(model: &DiscreteBicycle, state_weights: &[f64; 5], input_weight: f64) -> Gain {
+/// P of the cost-to-go xᵀ P x and K of u = −K x, the fixed point of P = Q + Aᵀ P (A − B K), K = Bᵀ P A / (R + Bᵀ P B).
+pub(in crate::control) fn riccati(
+    model: &DiscreteBicycle,
+    state_weights: &[f64; 5],
+    input_weight: f64,
+) -> (Square, Gain) {
     let mut cost = [[0.0; 5]; 5];
     for (i, weight) in state_weights.iter().enumerate() {
         cost[i][i] = *weight;
@@ -108,7 +112,7 @@ pub(super) fn riccati_gain(model: &DiscreteBicycle, state_weights: &[f64; 5], in
             break;
         }
     }
-    gain
+    (cost, gain)
 }
 
 fn riccati_step(model: &DiscreteBicycle, weights: &[f64; 5], input_weight: f64, cost: &Square) -> (Square, Gain) {

@@ -11,6 +11,7 @@ mod stanley;
 mod tests;
 
 pub use lqr::Lqr;
+pub(super) use lqr::{Square, riccati};
 pub use pi::{PiConfig, PiSpeed};
 pub use stanley::{Stanley, StanleyConfig};
 
@@ -116,21 +117,21 @@ impl SpeedController {
 }
 
 /// The steady motion along the reference's present curvature: what feed-forward asks for.
-struct Steady {
-    d_m: f64,
+pub(super) struct Steady {
+    pub(super) d_m: f64,
     /// V_y, m/s.
-    lateral_speed_mps: f64,
+    pub(super) lateral_speed_mps: f64,
     /// φ, rad.
-    heading_rad: f64,
+    pub(super) heading_rad: f64,
     /// γ, rad/s.
-    yaw_rate_radps: f64,
+    pub(super) yaw_rate_radps: f64,
     /// δ, rad.
-    steer_rad: f64,
+    pub(super) steer_rad: f64,
 }
 
 impl Steady {
     /// `ahead_s` from now, at a constant `speed_mps` > 0.
-    fn new(
+    pub(super) fn new(
         params: &VehicleParams,
         scene: &Scene,
         reference: LateralReference<'_>,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::lqr::riccati_gain;
+use super::lqr::riccati;
 use super::*;
 use crate::control::ControlConfig;
 use crate::road::{CurvaturePoint, LaneIndex, Road, RoadConfig, Topology};
@@ -34,11 +34,12 @@ fn step(params: &VehicleParams, scene: &mut Scene, input: &ControlInput) {
 
 #[test]
 fn the_riccati_gain_is_optimal() {
+    const START: [f64; 5] = [0.5, 0.1, 0.01, 0.02, 0.001];
     // No other linear feedback costs less: perturbing any gain raises the cost of a long roll-out.
     let model = DiscreteBicycle::new(&VehicleParams::default(), 25.0, PERIOD_S);
     let (weights, input_weight) = ([10.0, 0.0, 1.0, 0.0, 1e3], 1e3);
     let cost = |gain: &[f64; 5]| {
-        let mut x: [f64; 5] = [0.5, 0.1, 0.01, 0.02, 0.001];
+        let mut x: [f64; 5] = START;
         let mut sum = 0.0;
         for _ in 0..2000 {
             let u: f64 = -gain.iter().zip(&x).map(|(k, x)| k * x).sum::<f64>();
@@ -51,8 +52,10 @@ fn the_riccati_gain_is_optimal() {
         }
         sum
     };
-    let gain = riccati_gain(&model, &weights, input_weight);
+    let (to_go, gain) = riccati(&model, &weights, input_weight);
     let best = cost(&gain);
+    let promised: f64 = (0..5).map(|i| (0..5).map(|j| START[i] * to_go[i][j] * START[j]).sum::<f64>()).sum();
+    assert!((best / promised - 1.0).abs() < 1e-9, "{best}, but the cost-to-go is {promised}");
     for i in 0..5 {
         for factor in [0.95, 1.05] {
             let mut other = gain;

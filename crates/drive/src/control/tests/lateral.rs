@@ -114,3 +114,25 @@ fn a_bend_is_followed_without_offset() {
     assert!(scene.ego.d_m.abs() < 0.01, "{} m", scene.ego.d_m);
     assert!((scene.ego.yaw_rate_radps - 0.03).abs() < 1e-3);
 }
+
+#[test]
+fn with_the_regulators_cost_to_go_any_horizon_is_an_infinite_one() {
+    // Near its reference no bound is met: the first command is that of the regulator, however short the horizon.
+    let params = VehicleParams::default();
+    let lqr = classical::Lqr::new(&params, PERIOD_S, 1e-3, 1.0);
+    for speed_mps in [12.0, 25.0, 33.0] {
+        let mut scene = scene(speed_mps, 0.85);
+        (scene.ego.d_m, scene.ego.lateral_speed_mps, scene.ego.yaw_rate_radps) = (0.05, 0.02, 0.002);
+        let reference = LateralReference::LaneCenter { d_m: 0.0 };
+        let expected = lqr.steer_rad(&scene, reference);
+        let command = |terminal_cost, lateral_horizon| {
+            let config = ControlConfig { terminal_cost, lateral_horizon, ..ControlConfig::default() };
+            LateralMpc::new(&config, &params, PERIOD_S).plan(&scene, reference, &[speed_mps], 1e-3).steer_rad
+        };
+        for horizon in [2, 5, 20] {
+            let steer_rad = command(TerminalCost::Riccati, horizon);
+            assert!((steer_rad - expected).abs() < 1e-9, "{speed_mps} m/s, {horizon}: {steer_rad}, not {expected}");
+        }
+        assert!((command(TerminalCost::Weighted, 2) - expected).abs() > 1e-4, "{speed_mps} m/s");
+    }
+}
