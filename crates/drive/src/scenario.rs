@@ -3,6 +3,7 @@
 //! A [`Scenario`] is a plain value: the road, every vehicle with its driver, where the ego starts, and the seed of what is drawn
 //! later. It comes from a [`ScenarioFile`], which is strict TOML, or from a [`ScenarioDistribution`] and a seed.
 
+mod distribution;
 mod draw;
 mod drivers;
 mod error;
@@ -11,6 +12,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+pub use self::distribution::Distribution;
 use self::draw::Draw;
 pub use self::drivers::{TrafficConfig, VehicleKind};
 pub use self::error::{Party, ScenarioError};
@@ -111,6 +113,8 @@ pub struct VehicleSpec {
     pub speed_mps: f64,
     /// Its driver's car following.
     pub driver: IdmParams,
+    /// Its driver's weight of the others' gain when it chooses a lane.
+    pub politeness: f64,
     /// Hardest braking on this road, m/s² (positive).
     pub max_brake_mps2: f64,
     /// Time to its first possible lane change, s.

@@ -3,7 +3,7 @@
 use lanecraft_drive::models::idm::{IdmParams, idm_accel};
 use lanecraft_drive::road::{LaneIndex, RoadConfig, Topology};
 use lanecraft_drive::scenario::{
-    EgoStart, Scenario, ScenarioDistribution, ScenarioError, ScenarioFile, TrafficConfig, VehicleKind,
+    Distribution, EgoStart, Scenario, ScenarioDistribution, ScenarioError, ScenarioFile, TrafficConfig, VehicleKind,
 };
 use lanecraft_drive::traffic::{ExternalBody, FaultClass, World};
 use lanecraft_net::random::Stream;
@@ -165,14 +165,13 @@ fn assert_law(world: &World, traffic: &TrafficConfig) {
 /// Drivers whom only the law keeps from touching each other.
 fn reckless(traffic: &TrafficConfig) -> TrafficConfig {
     TrafficConfig {
-        time_headway_min_s: 0.1,
-        time_headway_max_s: 0.4,
-        min_gap_m: 0.0,
-        max_accel_mps2: 4.0,
-        truck_max_accel_mps2: 3.0,
-        comfort_decel_mps2: 6.0,
-        desired_speed_max_mps: 40.0,
-        politeness: 0.0,
+        time_headway_s: Distribution::uniform(0.1, 0.4),
+        min_gap_m: Distribution::fixed(0.0),
+        max_accel_mps2: Distribution::fixed(4.0),
+        truck_max_accel_mps2: Distribution::fixed(3.0),
+        comfort_decel_mps2: Distribution::fixed(6.0),
+        desired_speed_mps: Distribution::uniform(19.0, 40.0),
+        politeness: Distribution::fixed(0.0),
         accel_gain_threshold_mps2: 0.0,
         safe_decel_mps2: 9.0,
         lane_change_cooldown_s: 0.0,
@@ -389,7 +388,10 @@ fn impossible_scenarios_are_refused_with_a_reason() {
         (TWO_CARS.replace("100.0", "1000.5"), "`vehicles.s_m` is 1000.5"),
         (TWO_CARS.replace("vehicles", ego), "vehicle 0 and the ego overlap"),
         ("name = \"n\"\ndescription = \"d\"\ntraffic.density = 3.0".to_owned(), "line 3"),
-        ("name = \"n\"\ndescription = \"d\"\ntraffic.politeness = nan".to_owned(), "`traffic.politeness` is NaN"),
+        (
+            "name = \"n\"\ndescription = \"d\"\ntraffic.politeness = { kind = \"fixed\", value = nan }".to_owned(),
+            "`traffic.politeness.value` is NaN",
+        ),
         ("name = \"n\"\ndescription = \"d\"\ntraffic.density_veh_per_km_lane = 0.0".to_owned(), "the road is empty"),
         (
             "name = \"n\"\ndescription = \"d\"\ntraffic.density_veh_per_km_lane = 180.0".to_owned(),

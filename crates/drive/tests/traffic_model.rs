@@ -146,7 +146,7 @@ fn cuts_in(courteous: bool) -> bool {
         r#"
 name = "cut"
 description = "one car, one truck"
-traffic = {{ courteous = {courteous}, safe_decel_mps2 = 9.0, time_headway_min_s = 0.1, time_headway_max_s = 0.1 }}
+traffic = {{ courteous = {courteous}, safe_decel_mps2 = 9.0, time_headway_s = {{ kind = "fixed", value = 0.1 }} }}
 road = {{ topology = "open", lanes = 2 }}
 vehicles = [
     {{ lane = 0, s_m = 100.0, speed_mps = 20.0, desired_speed_mps = 20.0, kind = "car" }},

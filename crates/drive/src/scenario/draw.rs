@@ -32,16 +32,18 @@ impl Draw<'_> {
 
     fn spec(&self, kind: VehicleKind, desired_speed_mps: f64, stream: &mut Stream) -> VehicleSpec {
         let traffic = self.traffic;
-        let (max_accel_mps2, brake_mps2) = match kind {
+        let (max_accel, brake_mps2) = match kind {
             VehicleKind::Car => (traffic.max_accel_mps2, traffic.max_brake_mps2),
             VehicleKind::Truck => (traffic.truck_max_accel_mps2, traffic.truck_max_brake_mps2),
         };
+        let time_headway_s = traffic.time_headway_s.sample(stream);
+        let cooldown_s = stream.range(0.0, FIRST_COOLDOWN_S);
         let driver = IdmParams {
             desired_speed_mps,
-            time_headway_s: stream.range(traffic.time_headway_min_s, traffic.time_headway_max_s),
-            min_gap_m: traffic.min_gap_m,
-            max_accel_mps2,
-            comfort_decel_mps2: traffic.comfort_decel_mps2,
+            time_headway_s,
+            min_gap_m: traffic.min_gap_m.sample(stream),
+            max_accel_mps2: max_accel.sample(stream),
+            comfort_decel_mps2: traffic.comfort_decel_mps2.sample(stream),
         };
         VehicleSpec {
             kind,
@@ -49,8 +51,9 @@ impl Draw<'_> {
             s_m: 0.0,
             speed_mps: START_SPEED_SHARE * desired_speed_mps,
             driver,
+            politeness: traffic.politeness.sample(stream),
             max_brake_mps2: limited_by_adhesion(brake_mps2, self.adhesion),
-            cooldown_s: stream.range(0.0, FIRST_COOLDOWN_S),
+            cooldown_s,
         }
     }
 
@@ -64,11 +67,11 @@ impl Draw<'_> {
         let traffic = self.traffic;
         let mut stream = self.driver(id);
         let kind = if stream.bernoulli(traffic.truck_share) { VehicleKind::Truck } else { VehicleKind::Car };
-        let (low_mps, high_mps) = match kind {
-            VehicleKind::Car => (traffic.desired_speed_min_mps, traffic.desired_speed_max_mps),
-            VehicleKind::Truck => (traffic.truck_desired_speed_min_mps, traffic.truck_desired_speed_max_mps),
+        let desired_speed = match kind {
+            VehicleKind::Car => traffic.desired_speed_mps,
+            VehicleKind::Truck => traffic.truck_desired_speed_mps,
         };
-        let desired_speed_mps = stream.range(low_mps, high_mps);
+        let desired_speed_mps = desired_speed.sample(&mut stream);
         VehicleSpec { lane, ..self.spec(kind, desired_speed_mps, &mut stream) }
     }
 
@@ -85,8 +88,8 @@ impl Draw<'_> {
         let first = all.len();
         all.extend((0..count).map(|k| self.sampled(first + k, lane)));
         let lane_vehicles = &mut all[first..];
-        let shortest_m = SAFE_MARGIN_M.max(self.traffic.min_gap_m);
-        let taken_m: f64 = lane_vehicles.iter().map(|vehicle| vehicle.kind.length_m() + shortest_m).sum();
+        let room_m = |vehicle: &VehicleSpec| vehicle.kind.length_m() + SAFE_MARGIN_M.max(vehicle.driver.min_gap_m);
+        let taken_m: f64 = lane_vehicles.iter().map(room_m).sum();
         if taken_m > length_m {
             return Err(ScenarioError::TooDense { lane: lane.0, vehicles: count, taken_m, length_m });
         }
@@ -96,7 +99,7 @@ impl Draw<'_> {
         for vehicle in lane_vehicles {
             let shift_m = space_m * stream.range(-self.traffic.start_jitter, self.traffic.start_jitter);
             vehicle.s_m = road.wrap_m(rear_m + 0.5 * vehicle.kind.length_m() + shift_m);
-            rear_m += vehicle.kind.length_m() + shortest_m + space_m;
+            rear_m += room_m(vehicle) + space_m;
         }
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::distribution::{Distribution, Keys, keys};
 use crate::config::{ConfigError, check_order, check_range};
 use crate::models::safe_distance::BrakingLimits;
 
@@ -11,6 +12,7 @@ const GRAVITY_MPS2: f64 = 9.81;
 const USABLE_ADHESION: f64 = 0.95;
 /// Gap left between two standing vehicles by the law of the safe distance, m.
 pub(super) const SAFE_MARGIN_M: f64 = 1.0;
+
 /// What kind of vehicle a human drives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -49,26 +51,20 @@ pub struct TrafficConfig {
     pub density_spread_veh_per_km_lane: f64,
     /// Share of trucks. 0: the paper speaks of cars, and the published ceilings are those of cars.
     pub truck_share: f64,
-    /// Slowest desired speed of a car v₀, m/s: below the limit, so that overtaking pays.
-    pub desired_speed_min_mps: f64,
-    /// Fastest desired speed of a car, m/s.
-    pub desired_speed_max_mps: f64,
-    /// Slowest desired speed of a truck, m/s.
-    pub truck_desired_speed_min_mps: f64,
-    /// Fastest desired speed of a truck, m/s (90 km/h, the usual limiter).
-    pub truck_desired_speed_max_mps: f64,
-    /// Shortest time headway T, s (Treiber 2000, Kesting 2007: 1 to 1.8).
-    pub time_headway_min_s: f64,
-    /// Longest time headway, s.
-    pub time_headway_max_s: f64,
-    /// Gap at standstill s₀, m (Treiber 2000).
-    pub min_gap_m: f64,
+    /// Desired speed of a car v₀, m/s: below the limit, so that overtaking pays.
+    pub desired_speed_mps: Distribution,
+    /// Desired speed of a truck, m/s (90 km/h, the usual limiter, at most).
+    pub truck_desired_speed_mps: Distribution,
+    /// Time headway T, s (Treiber 2000, Kesting 2007: 1 to 1.8).
+    pub time_headway_s: Distribution,
+    /// Gap at standstill s₀, m (Treiber 2000: 2).
+    pub min_gap_m: Distribution,
     /// Acceleration of a car a_max, m/s².
-    pub max_accel_mps2: f64,
+    pub max_accel_mps2: Distribution,
     /// Acceleration of a truck, m/s².
-    pub truck_max_accel_mps2: f64,
+    pub truck_max_accel_mps2: Distribution,
     /// Comfortable deceleration b, m/s² (positive).
-    pub comfort_decel_mps2: f64,
+    pub comfort_decel_mps2: Distribution,
     /// Hardest braking of a car on a dry road, m/s² (positive); 0.95 μ g bounds it further.
     pub max_brake_mps2: f64,
     /// Hardest braking of a truck, m/s² (positive): 5 m/s² is what heavy vehicles must reach.
@@ -76,7 +72,7 @@ pub struct TrafficConfig {
     /// Hardest braking that human drivers expect of the ego, m/s² (positive): the plant's limit.
     pub ego_max_brake_mps2: f64,
     /// MOBIL's weight p of the others' gain (Kesting 2007: 0 to 0.5).
-    pub politeness: f64,
+    pub politeness: Distribution,
     /// MOBIL's threshold Δa_th, m/s².
     pub accel_gain_threshold_mps2: f64,
     /// MOBIL's hardest forced braking b_safe, m/s² (positive).
@@ -103,20 +99,17 @@ impl Default for TrafficConfig {
             density_veh_per_km_lane: 14.0,
             density_spread_veh_per_km_lane: 0.0,
             truck_share: 0.0,
-            desired_speed_min_mps: 19.0,
-            desired_speed_max_mps: 27.0,
-            truck_desired_speed_min_mps: 20.0,
-            truck_desired_speed_max_mps: 25.0,
-            time_headway_min_s: 1.0,
-            time_headway_max_s: 1.8,
-            min_gap_m: 2.0,
-            max_accel_mps2: 1.5,
-            truck_max_accel_mps2: 0.8,
-            comfort_decel_mps2: 2.0,
+            desired_speed_mps: Distribution::uniform(19.0, 27.0),
+            truck_desired_speed_mps: Distribution::uniform(20.0, 25.0),
+            time_headway_s: Distribution::uniform(1.0, 1.8),
+            min_gap_m: Distribution::fixed(2.0),
+            max_accel_mps2: Distribution::fixed(1.5),
+            truck_max_accel_mps2: Distribution::fixed(0.8),
+            comfort_decel_mps2: Distribution::fixed(2.0),
             max_brake_mps2: 7.0,
             truck_max_brake_mps2: 5.0,
             ego_max_brake_mps2: 8.0,
-            politeness: 0.3,
+            politeness: Distribution::fixed(0.3),
             accel_gain_threshold_mps2: 0.2,
             safe_decel_mps2: 3.0,
             lane_change_cooldown_s: 6.0,
@@ -140,37 +133,27 @@ impl TrafficConfig {
         check_range("traffic.start_jitter", self.start_jitter, 0.0, 0.5)?;
         check_range("traffic.warm_up_s", self.warm_up_s, 0.0, 600.0)?;
         check_range("traffic.stress_brake_rate_hz", self.stress_brake_rate_hz, 0.0, 10.0)?;
-        self.validate_speeds()?;
-        self.validate_driving()?;
+        self.validate_drivers()?;
+        self.validate_braking()?;
         self.validate_lane_changes()
     }
 
-    fn validate_speeds(&self) -> Result<(), ConfigError> {
-        let car = [
-            ("traffic.desired_speed_min_mps", self.desired_speed_min_mps),
-            ("traffic.desired_speed_max_mps", self.desired_speed_max_mps),
+    /// Every distribution over drivers against what its parameter allows.
+    fn validate_drivers(&self) -> Result<(), ConfigError> {
+        let parameters: [(&Distribution, Keys, (f64, f64)); 8] = [
+            (&self.desired_speed_mps, keys!("traffic.desired_speed_mps"), (1.0, 60.0)),
+            (&self.truck_desired_speed_mps, keys!("traffic.truck_desired_speed_mps"), (1.0, 60.0)),
+            (&self.time_headway_s, keys!("traffic.time_headway_s"), (0.1, 10.0)),
+            (&self.min_gap_m, keys!("traffic.min_gap_m"), (0.0, 20.0)),
+            (&self.max_accel_mps2, keys!("traffic.max_accel_mps2"), (0.1, 6.0)),
+            (&self.truck_max_accel_mps2, keys!("traffic.truck_max_accel_mps2"), (0.1, 6.0)),
+            (&self.comfort_decel_mps2, keys!("traffic.comfort_decel_mps2"), (0.1, 6.0)),
+            (&self.politeness, keys!("traffic.politeness"), (-1.0, 2.0)),
         ];
-        let truck = [
-            ("traffic.truck_desired_speed_min_mps", self.truck_desired_speed_min_mps),
-            ("traffic.truck_desired_speed_max_mps", self.truck_desired_speed_max_mps),
-        ];
-        for [low, high] in [car, truck] {
-            check_range(low.0, low.1, 1.0, 60.0)?;
-            check_range(high.0, high.1, 1.0, 60.0)?;
-            check_order(low, high)?;
-        }
-        let low = ("traffic.time_headway_min_s", self.time_headway_min_s);
-        let high = ("traffic.time_headway_max_s", self.time_headway_max_s);
-        check_range(low.0, low.1, 0.1, 10.0)?;
-        check_range(high.0, high.1, 0.1, 10.0)?;
-        check_order(low, high)
+        parameters.iter().try_for_each(|(distribution, keys, range)| distribution.validate(keys, *range))
     }
 
-    fn validate_driving(&self) -> Result<(), ConfigError> {
-        check_range("traffic.min_gap_m", self.min_gap_m, 0.0, 20.0)?;
-        check_range("traffic.max_accel_mps2", self.max_accel_mps2, 0.1, 6.0)?;
-        check_range("traffic.truck_max_accel_mps2", self.truck_max_accel_mps2, 0.1, 6.0)?;
-        check_range("traffic.comfort_decel_mps2", self.comfort_decel_mps2, 0.1, 6.0)?;
+    fn validate_braking(&self) -> Result<(), ConfigError> {
         check_range("traffic.max_brake_mps2", self.max_brake_mps2, 2.0, 12.0)?;
         check_range("traffic.truck_max_brake_mps2", self.truck_max_brake_mps2, 2.0, 12.0)?;
         check_range("traffic.ego_max_brake_mps2", self.ego_max_brake_mps2, 2.0, 12.0)?;
@@ -180,7 +163,6 @@ impl TrafficConfig {
     }
 
     fn validate_lane_changes(&self) -> Result<(), ConfigError> {
-        check_range("traffic.politeness", self.politeness, -1.0, 2.0)?;
         check_range("traffic.accel_gain_threshold_mps2", self.accel_gain_threshold_mps2, 0.0, 100.0)?;
         check_range("traffic.safe_decel_mps2", self.safe_decel_mps2, 0.1, 9.0)?;
         check_range("traffic.lane_change_cooldown_s", self.lane_change_cooldown_s, 0.0, 600.0)?;
@@ -209,4 +191,30 @@ impl TrafficConfig {
 /// What is left of a braking ability on a road of this adhesion, m/s².
 pub(super) fn limited_by_adhesion(brake_mps2: f64, adhesion: f64) -> f64 {
     brake_mps2.min(USABLE_ADHESION * adhesion * GRAVITY_MPS2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Distribution, TrafficConfig};
+
+    fn refusal(time_headway_s: Distribution) -> String {
+        TrafficConfig { time_headway_s, ..TrafficConfig::default() }.validate().expect_err("impossible").to_string()
+    }
+
+    #[test]
+    fn a_distribution_is_refused_by_the_key_of_its_number() {
+        let normal = |mean, sd| Distribution::Normal { mean, sd, min: 0.5, max: 3.0 };
+        for (distribution, expected) in [
+            (Distribution::fixed(0.0), "`traffic.time_headway_s.value` is 0, but must be in 0.1..=10"),
+            (Distribution::uniform(0.0, 2.0), "`traffic.time_headway_s.min` is 0"),
+            (Distribution::uniform(1.0, 20.0), "`traffic.time_headway_s.max` is 20"),
+            (Distribution::uniform(2.0, 1.0), "`traffic.time_headway_s.min` is 2, above `traffic.time_headway_s.max`"),
+            (normal(3.5, 0.3), "`traffic.time_headway_s.mean` is 3.5, but must be in 0.5..=3"),
+            (normal(f64::NAN, 0.3), "`traffic.time_headway_s.mean` is NaN"),
+            (normal(1.4, 0.0), "`traffic.time_headway_s.sd` is 0"),
+        ] {
+            let message = refusal(distribution);
+            assert!(message.contains(expected), "`{message}` does not say `{expected}`");
+        }
+    }
 }

@@ -108,6 +108,7 @@ columns! {
     half_length_m: f64,
     half_width_m: f64,
     driver: IdmParams,
+    politeness: f64,
     max_brake_mps2: f64,
 }
 
@@ -254,6 +255,7 @@ fn row(id: u32, spec: &VehicleSpec, road: &Road, free_step: i64) -> Row {
         half_length_m: 0.5 * spec.kind.length_m(),
         half_width_m: 0.5 * spec.kind.width_m(),
         driver: spec.driver,
+        politeness: spec.politeness,
         max_brake_mps2: spec.max_brake_mps2,
     }
 }

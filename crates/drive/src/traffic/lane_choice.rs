@@ -116,7 +116,7 @@ impl World {
         };
         let traffic = &self.traffic;
         let params = MobilParams {
-            politeness: traffic.politeness,
+            politeness: self.fleet.politeness[i],
             accel_gain_threshold_mps2: traffic.accel_gain_threshold_mps2,
             safe_decel_mps2: traffic.safe_decel_mps2,
         };

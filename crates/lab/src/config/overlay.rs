@@ -1,7 +1,8 @@
 //! A table of values over which files and assignments are laid, key by key.
 //!
 //! The table at the start is complete: its keys are the keys that exist, and the type of each value is the type of its key. Arrays are
-//! values, not tables: they are replaced as a whole.
+//! values, not tables: they are replaced as a whole. So are tables with a `kind`, for it decides which keys stand beside it; the
+//! keys of the kind that holds may be given values one by one, too.
 
 use std::collections::BTreeMap;
 use std::io::Read as _;
@@ -105,6 +106,8 @@ impl Overlay {
         let shown = value.to_string();
         put(&mut self.table, key, value);
         (self.probe)(&self.table).map_err(|error| unknown_value(origin.clone(), key, shown, error.message()))?;
+        let inner = format!("{key}.");
+        self.origins.retain(|name, _| !name.starts_with(&inner));
         self.origins.insert(key.to_owned(), origin);
         Ok(())
     }
@@ -114,16 +117,17 @@ impl Overlay {
         &self.table
     }
 
-    /// Where the value of `key` was written.
+    /// Where the value of `key`, or the table as a whole that holds it, was written.
     pub fn origin(&self, key: &str) -> Origin {
-        self.origins.get(key).cloned().unwrap_or(Origin::Preset(self.preset))
+        let outer = || self.origins.get(key.rsplit_once('.')?.0);
+        self.origins.get(key).or_else(outer).cloned().unwrap_or(Origin::Preset(self.preset))
     }
 
     /// The value of `key`; none if there is no such key, or if it is a section.
     fn get(&self, key: &str) -> Option<&Value> {
         let mut parts = key.split('.');
         let first = self.table.get(parts.next()?)?;
-        parts.try_fold(first, |value, part| value.as_table()?.get(part)).filter(|value| !value.is_table())
+        parts.try_fold(first, |value, part| value.as_table()?.get(part)).filter(|value| !is_section(value))
     }
 
     fn unknown_key(&self, origin: Origin, key: &str, value: &Value) -> ConfigFileError {
@@ -193,7 +197,7 @@ fn collect_leaves<'a, 'i>(prefix: &str, table: &'a DeTable<'i>, leaves: &mut Vec
     for (name, value) in table {
         let key = if prefix.is_empty() { name.get_ref().to_string() } else { format!("{prefix}.{}", name.get_ref()) };
         match value.get_ref() {
-            DeValue::Table(inner) => collect_leaves(&key, inner, leaves),
+            DeValue::Table(inner) if !inner.contains_key("kind") => collect_leaves(&key, inner, leaves),
             leaf => leaves.push((key, name.span().start, leaf)),
         }
     }
@@ -205,6 +209,11 @@ fn plain(value: &DeValue<'_>) -> Result<Value, String> {
     let whole = 0..0;
     Value::deserialize(ValueDeserializer::from(Spanned::new(whole, value.clone())))
         .map_err(|error| error.message().to_owned())
+}
+
+/// Whether this is a table of keys with values of their own.
+fn is_section(value: &Value) -> bool {
+    value.as_table().is_some_and(|table| !table.contains_key("kind"))
 }
 
 fn put(table: &mut Table, key: &str, value: Value) {
@@ -237,7 +246,7 @@ fn type_in_words(value: &Value) -> &'static str {
         Value::Boolean(_) => "true or false",
         Value::Datetime(_) => "a date",
         Value::Array(_) => "a list in brackets",
-        Value::Table(_) => "a section",
+        Value::Table(_) => "a table with a `kind`",
     }
 }
 
@@ -257,7 +266,7 @@ mod tests {
     use serde::{Deserialize, Serialize};
     use toml::{Table, Value};
 
-    use super::{Overlay, dotted_keys, nearest};
+    use super::{Origin, Overlay, dotted_keys, nearest};
 
     #[derive(Default, Serialize, Deserialize)]
     #[serde(rename_all = "kebab-case")]
@@ -277,11 +286,25 @@ mod tests {
         gears: Vec<f64>,
     }
 
+    #[derive(Serialize, Deserialize)]
+    #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
+    enum Politeness {
+        Fixed { value: f64 },
+        Uniform { min: f64, max: f64 },
+    }
+
+    impl Default for Politeness {
+        fn default() -> Self {
+            Self::Fixed { value: 0.3 }
+        }
+    }
+
     #[derive(Default, Serialize, Deserialize)]
     #[serde(deny_unknown_fields, default)]
     struct Traffic {
         density_veh_per_km_lane: f64,
         min_gap_m: f64,
+        politeness: Politeness,
     }
 
     #[derive(Default, Serialize, Deserialize)]
@@ -313,6 +336,25 @@ mod tests {
         assert!(matches!(all.car.tires, Tires::MagicFormula) && all.car.lights);
         assert_eq!(overlay.origin("car.mass_kg").to_string(), "a.toml:2");
         assert_eq!(overlay.origin("car.wheels").to_string(), "preset default");
+    }
+
+    #[test]
+    fn a_table_with_a_kind_is_replaced_as_a_whole_or_changed_in_part() {
+        let mut overlay = overlay();
+        overlay.set("traffic.politeness.value=1").unwrap();
+        assert_eq!(overlay.origin("traffic.politeness.value"), Origin::CommandLine);
+        let whole = "[traffic.politeness]\nkind = \"uniform\"\nmin = 0\nmax = 0.5\n";
+        overlay.text(Path::new("a.toml"), whole).unwrap();
+        assert_eq!(overlay.origin("traffic.politeness.max").to_string(), "a.toml:1");
+        overlay.set("traffic.politeness.max=0.4").unwrap();
+        let all: All = overlay.table().clone().try_into().unwrap();
+        assert!(matches!(all.traffic.politeness, Politeness::Uniform { min: 0.0, max: 0.4 }));
+        let message =
+            overlay.set("traffic.politeness={ kind = \"unifrm\", min = 0, max = 1 }").unwrap_err().to_string();
+        assert!(message.contains("did you mean `uniform`?"), "{message}");
+        assert!(refuse("traffic.politeness=0.5").contains("must be a table with a `kind`"));
+        assert!(refuse("traffic.politeness.kind=uniform").contains("missing field `min`"));
+        assert!(refuse("traffic.politeness.max=1").contains("no key `traffic.politeness.max`"));
     }
 
     #[test]
