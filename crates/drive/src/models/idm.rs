@@ -4,7 +4,7 @@
 //! The model itself knows no limit of braking and no overlap; who uses it clamps its answer to what the vehicle can do.
 
 /// Gaps are taken as at least this long, m: the model diverges at contact.
-const SHORTEST_GAP_M: f64 = 0.1;
+pub(super) const SHORTEST_GAP_M: f64 = 0.1;
 
 /// Parameters of one driver.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -250,12 +250,12 @@ fn type_in_words(value: &Value) -> &'static str {
     }
 }
 
-/// serde names what it allows in backquotes after the word `expected`; the value as written stands before it.
+/// serde names what it allows in backquotes after the word `expected`; what it found stands before it.
 fn unknown_value(origin: Origin, key: &str, value: String, message: &str) -> ConfigFileError {
     let reason = message.lines().next().unwrap_or_default().to_owned();
-    let allowed = reason.split_once("expected").map_or("", |(_, list)| list);
-    let names = allowed.split('`').skip(1).step_by(2);
-    let nearest = nearest(value.trim_matches('"'), names).map(Into::into);
+    let (found, allowed) = reason.split_once("expected").unwrap_or_default();
+    let quoted = |text| str::split(text, '`').skip(1).step_by(2);
+    let nearest = quoted(found).next().and_then(|name| nearest(name, quoted(allowed))).map(Into::into);
     ConfigFileError::UnknownValue { origin, key: key.to_owned(), value, reason, nearest }
 }
 
@@ -353,7 +353,7 @@ mod tests {
             overlay.set("traffic.politeness={ kind = \"unifrm\", min = 0, max = 1 }").unwrap_err().to_string();
         assert!(message.contains("did you mean `uniform`?"), "{message}");
         assert!(refuse("traffic.politeness=0.5").contains("must be a table with a `kind`"));
-        assert!(refuse("traffic.politeness.kind=uniform").contains("missing field `min`"));
+        assert!(refuse("traffic.politeness.kind=uniform").contains("expected `min` or `max`"));
         assert!(refuse("traffic.politeness.max=1").contains("no key `traffic.politeness.max`"));
     }
 
