@@ -81,11 +81,8 @@ pub fn mobil_gain_keep_right(situation: &MobilSituation, params: &MobilParams, r
     if must_not_pass {
         *right_mps2 = right_mps2.min(left_mps2);
     }
-    let (follower, bias_mps2) = if rule.to_left {
-        (situation.new_follower, -rule.bias_mps2)
-    } else {
-        (situation.old_follower, rule.bias_mps2)
-    };
+    let (follower, bias_mps2) =
+        if rule.to_left { (situation.new_follower, -rule.bias_mps2) } else { (situation.old_follower, rule.bias_mps2) };
     let gain_mps2 = change_mps2 - keep_mps2 + params.politeness * follower.gain_mps2() + bias_mps2;
     worthwhile(gain_mps2, situation, params)
 }
