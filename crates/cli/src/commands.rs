@@ -8,6 +8,7 @@ pub(crate) mod quickstart;
 pub(crate) mod replay;
 pub(crate) mod report;
 pub(crate) mod study;
+pub(crate) mod traffic;
 pub(crate) mod train;
 
 use clap::Subcommand;
@@ -28,6 +29,8 @@ pub(crate) enum Command {
     Bench(bench::Bench),
     Maneuvers(maneuvers::Maneuvers),
     Study(study::Study),
+    #[command(subcommand)]
+    Traffic(traffic::Traffic),
 }
 
 /// Runs the command.
@@ -43,5 +46,6 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Bench(command) => command.run(output),
         Command::Maneuvers(command) => command.run(output),
         Command::Study(command) => command.run(output),
+        Command::Traffic(traffic::Traffic::Calibrate(command)) => command.run(output),
     }
 }

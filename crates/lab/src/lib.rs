@@ -2,6 +2,7 @@
 
 pub mod baselines;
 pub mod bench;
+pub mod calibrate;
 pub mod config;
 pub mod data;
 pub mod demonstrations;

@@ -2,5 +2,6 @@
 
 pub mod events;
 mod table;
+pub mod traffic;
 
 pub use table::{TableError, TableErrorKind};

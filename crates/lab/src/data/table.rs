@@ -138,7 +138,15 @@ impl Table {
         }
     }
 
-    /// The whole number in `column`.
+    /// The whole number in `column`, of either sign.
+    pub(super) fn integer(&self, column: &'static str) -> Result<i32, TableError> {
+        let text = self.text(column)?;
+        let (min, max) = (f64::from(i32::MIN), f64::from(i32::MAX));
+        let bad = |_| self.error(TableErrorKind::BadNumber { column, value: text.to_owned(), min, max });
+        text.trim().parse().map_err(bad)
+    }
+
+    /// The whole number in `column`, not below 0.
     pub(super) fn index(&self, column: &'static str) -> Result<u32, TableError> {
         let text = self.text(column)?;
         text.trim().parse().map_err(|_| {

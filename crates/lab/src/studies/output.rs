@@ -47,7 +47,7 @@ pub struct Table {
 
 impl Table {
     /// An empty table.
-    pub(super) fn new(name: &str, caption: &str, head: &[&str]) -> Self {
+    pub(crate) fn new(name: &str, caption: &str, head: &[&str]) -> Self {
         let head = head.iter().map(|&cell| cell.to_owned()).collect();
         Self { name: name.into(), caption: caption.into(), head, rows: Vec::new() }
     }
