@@ -33,7 +33,7 @@ pub enum CarFollowing {
 /// A vehicle ahead, as its follower sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Leader {
-    /// Bumper-to-bumper gap, m; finite.
+    /// Bumper-to-bumper gap, infinite without a leader, m.
     pub gap_m: f64,
     /// Its speed, m/s.
     pub speed_mps: f64,
@@ -46,8 +46,10 @@ impl CarFollowing {
     pub fn accel_mps2(self, speed_mps: f64, leader: &Leader, params: &IdmParams) -> f64 {
         let idm_mps2 = idm_accel(leader.gap_m, speed_mps, speed_mps - leader.speed_mps, params);
         match self {
-            Self::Idm => idm_mps2,
-            Self::EnhancedIdm => cooled(idm_mps2, heuristic_mps2(speed_mps, leader, params.max_accel_mps2), params),
+            Self::EnhancedIdm if leader.gap_m < f64::INFINITY => {
+                cooled(idm_mps2, heuristic_mps2(speed_mps, leader, params.max_accel_mps2), params)
+            }
+            Self::Idm | Self::EnhancedIdm => idm_mps2,
         }
     }
 }
@@ -118,6 +120,8 @@ mod tests {
         assert_eq!(heuristic(20.0, 30.0, 20.0, 0.0), 0.0);
         // The approach is spent over the gap: (25 − 20)² / (2 · 25).
         assert!((heuristic(25.0, 25.0, 20.0, 0.0) + 0.5).abs() < 1e-12);
+        // Nobody ahead: IDM.
+        assert_eq!(both(40.0, f64::INFINITY, 0.0, 0.0)[0], both(40.0, f64::INFINITY, 0.0, 0.0)[1]);
         // A standing leader: stop within the gap, 20² / (2 · 50).
         assert!((heuristic(20.0, 50.0, 0.0, 0.0) + 4.0).abs() < 1e-12);
         // A leader that brakes to a stop in 10² / (2 · 2) = 25 m: stop within 25 + 20 m.

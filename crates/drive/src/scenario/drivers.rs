@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::distribution::{Distribution, Keys, keys};
 use crate::config::{ConfigError, check_order, check_range};
+use crate::models::car_following::CarFollowing;
 use crate::models::safe_distance::BrakingLimits;
 
 /// Standard gravity, m/s².
@@ -51,6 +52,8 @@ pub struct TrafficConfig {
     pub density_spread_veh_per_km_lane: f64,
     /// Share of trucks. 0: the paper speaks of cars, and the published ceilings are those of cars.
     pub truck_share: f64,
+    /// Which car-following model: `idm`, or `enhanced-idm`, which does not overreact when somebody cuts in (Kesting 2010).
+    pub car_following: CarFollowing,
     /// Desired speed of a car v₀, m/s: below the limit, so that overtaking pays.
     pub desired_speed_mps: Distribution,
     /// Desired speed of a truck, m/s (90 km/h, the usual limiter, at most).
@@ -77,6 +80,10 @@ pub struct TrafficConfig {
     pub accel_gain_threshold_mps2: f64,
     /// MOBIL's hardest forced braking b_safe, m/s² (positive).
     pub safe_decel_mps2: f64,
+    /// Whether drivers keep right and pass on the left as on European roads (Kesting 2007, asymmetric rule); else sides are equal.
+    pub keep_right: bool,
+    /// How much more a right lane is worth if they do, Δa_bias, m/s² (Kesting 2007: 0.3). At most the threshold leaves everybody in place.
+    pub keep_right_bias_mps2: f64,
     /// Time from the start of a lane change to the next one, s; stops ping-pong.
     pub lane_change_cooldown_s: f64,
     /// Duration of a lane change, s.
@@ -99,6 +106,7 @@ impl Default for TrafficConfig {
             density_veh_per_km_lane: 14.0,
             density_spread_veh_per_km_lane: 0.0,
             truck_share: 0.0,
+            car_following: CarFollowing::Idm,
             desired_speed_mps: Distribution::uniform(19.0, 27.0),
             truck_desired_speed_mps: Distribution::uniform(20.0, 25.0),
             time_headway_s: Distribution::uniform(1.0, 1.8),
@@ -112,6 +120,8 @@ impl Default for TrafficConfig {
             politeness: Distribution::fixed(0.3),
             accel_gain_threshold_mps2: 0.2,
             safe_decel_mps2: 3.0,
+            keep_right: false,
+            keep_right_bias_mps2: 0.3,
             lane_change_cooldown_s: 6.0,
             lane_change_duration_s: 3.0,
             lane_decision_period_s: 0.5,
@@ -165,6 +175,7 @@ impl TrafficConfig {
     fn validate_lane_changes(&self) -> Result<(), ConfigError> {
         check_range("traffic.accel_gain_threshold_mps2", self.accel_gain_threshold_mps2, 0.0, 100.0)?;
         check_range("traffic.safe_decel_mps2", self.safe_decel_mps2, 0.1, 9.0)?;
+        check_range("traffic.keep_right_bias_mps2", self.keep_right_bias_mps2, 0.0, 10.0)?;
         check_range("traffic.lane_change_cooldown_s", self.lane_change_cooldown_s, 0.0, 600.0)?;
         check_range("traffic.lane_change_duration_s", self.lane_change_duration_s, 0.5, 20.0)?;
         check_range("traffic.lane_decision_period_s", self.lane_decision_period_s, 0.01, 60.0)

@@ -1,9 +1,9 @@
-//! How human drivers follow: the leaders of each vehicle in one sweep along the road, then IDM below the law of the safe distance.
+//! How human drivers follow: the leaders of each vehicle in one sweep along the road, then its model below the law of the safe distance.
 
 use super::World;
 use super::fleet::Fleet;
 use super::world::Ego;
-use crate::models::idm::idm_accel;
+use crate::models::car_following::Leader;
 use crate::road::LaneIndex;
 
 /// More lanes than any road has.
@@ -24,17 +24,17 @@ struct Rear {
     s_m: f64,
     half_length_m: f64,
     speed_mps: f64,
+    accel_mps2: f64,
 }
 
 /// Nobody is ahead.
-const NOBODY: Rear = Rear { s_m: f64::INFINITY, half_length_m: 0.0, speed_mps: 0.0 };
+const NOBODY: Rear = Rear { s_m: f64::INFINITY, half_length_m: 0.0, speed_mps: 0.0, accel_mps2: 0.0 };
 
 /// A further leader of one vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct FurtherLeader {
     follower: usize,
-    gap_m: f64,
-    speed_mps: f64,
+    leader: Leader,
     is_ego: bool,
 }
 
@@ -44,6 +44,8 @@ pub(super) struct Leaders {
     /// Gap to the leader in the own lane, infinite without one, m.
     gap_m: Vec<f64>,
     speed_mps: Vec<f64>,
+    /// What it did in the last step, m/s².
+    accel_mps2: Vec<f64>,
     /// Of those that have more than one: in the lane they change into, across the ring's end, the ego.
     further: Vec<FurtherLeader>,
 }
@@ -53,6 +55,7 @@ impl Leaders {
     pub(super) fn resize(&mut self, count: usize) {
         self.gap_m.resize(count, 0.0);
         self.speed_mps.resize(count, 0.0);
+        self.accel_mps2.resize(count, 0.0);
         self.further.clear();
         self.further.reserve(2 * count + MAX_LANES);
     }
@@ -70,10 +73,16 @@ impl Leaders {
             let rear = seen[lane];
             self.gap_m[i] = rear.s_m - fleet.s_m[i] - fleet.half_length_m[i] - rear.half_length_m;
             self.speed_mps[i] = rear.speed_mps;
+            self.accel_mps2[i] = rear.accel_mps2;
             if target != lane {
                 self.add(fleet, i, &seen[target], 0.0);
             }
-            let own = Rear { s_m: fleet.s_m[i], half_length_m: fleet.half_length_m[i], speed_mps: fleet.speed_mps[i] };
+            let own = Rear {
+                s_m: fleet.s_m[i],
+                half_length_m: fleet.half_length_m[i],
+                speed_mps: fleet.speed_mps[i],
+                accel_mps2: fleet.accel_mps2[i],
+            };
             (seen[lane], seen[target]) = (own, own);
         }
         if fleet.is_ring() {
@@ -94,7 +103,8 @@ impl Leaders {
 
     fn add(&mut self, fleet: &Fleet, follower: usize, rear: &Rear, turn_m: f64) {
         let gap_m = rear.s_m - fleet.s_m[follower] + turn_m - fleet.half_length_m[follower] - rear.half_length_m;
-        self.further.push(FurtherLeader { follower, gap_m, speed_mps: rear.speed_mps, is_ego: false });
+        let leader = Leader { gap_m, speed_mps: rear.speed_mps, accel_mps2: rear.accel_mps2 };
+        self.further.push(FurtherLeader { follower, leader, is_ego: false });
     }
 
     /// The ego as a leader of the nearest vehicle behind it in each of its lanes. It never hides a vehicle, for it may do anything:
@@ -104,14 +114,15 @@ impl Leaders {
             let Some(follower) = fleet.nearest_behind(ego.s_m(), lane) else { continue };
             let (ahead, gap_m) = ego.gap_m(fleet, follower);
             if ahead {
-                self.further.push(FurtherLeader { follower, gap_m, speed_mps: ego.speed_mps, is_ego: true });
+                let leader = ego.as_leader(gap_m);
+                self.further.push(FurtherLeader { follower, leader, is_ego: true });
             }
         }
     }
 }
 
 fn standing(obstacle: &Obstacle) -> Rear {
-    Rear { s_m: obstacle.s_m, half_length_m: 0.0, speed_mps: 0.0 }
+    Rear { s_m: obstacle.s_m, ..NOBODY }
 }
 
 impl World {
@@ -126,21 +137,22 @@ impl World {
     /// What every driver wants towards its leaders, but no more than keeps the distances safe.
     pub(super) fn follow_leaders(&mut self, dt_s: f64) {
         for i in 0..self.fleet.len() {
-            let (gap_m, leader_mps) = (self.leaders.gap_m[i], self.leaders.speed_mps[i]);
-            self.fleet.accel_mps2[i] = self.behind_mps2(i, gap_m, leader_mps, false, dt_s);
+            let Leaders { gap_m, speed_mps, accel_mps2, .. } = &self.leaders;
+            let leader = Leader { gap_m: gap_m[i], speed_mps: speed_mps[i], accel_mps2: accel_mps2[i] };
+            self.fleet.accel_mps2[i] = self.behind_mps2(i, &leader, false, dt_s);
         }
         for k in 0..self.leaders.further.len() {
-            let FurtherLeader { follower: i, gap_m, speed_mps, is_ego } = self.leaders.further[k];
-            let accel_mps2 = self.behind_mps2(i, gap_m, speed_mps, is_ego, dt_s);
+            let FurtherLeader { follower: i, leader, is_ego } = self.leaders.further[k];
+            let accel_mps2 = self.behind_mps2(i, &leader, is_ego, dt_s);
             self.fleet.accel_mps2[i] = self.fleet.accel_mps2[i].min(accel_mps2);
         }
     }
 
     /// What the driver of slot `i` does behind one leader, m/s².
-    fn behind_mps2(&self, i: usize, gap_m: f64, leader_mps: f64, is_ego: bool, dt_s: f64) -> f64 {
+    fn behind_mps2(&self, i: usize, leader: &Leader, is_ego: bool, dt_s: f64) -> f64 {
         let (speed_mps, limits) = (self.fleet.speed_mps[i], self.limits(i, is_ego));
-        let wish_mps2 = idm_accel(gap_m, speed_mps, speed_mps - leader_mps, &self.fleet.driver[i]);
-        let safe_mps2 = limits.safe_accel_mps2(gap_m, speed_mps, leader_mps, dt_s);
+        let wish_mps2 = self.traffic.car_following.accel_mps2(speed_mps, leader, &self.fleet.driver[i]);
+        let safe_mps2 = limits.safe_accel_mps2(leader.gap_m, speed_mps, leader.speed_mps, dt_s);
         wish_mps2.min(safe_mps2).max(-limits.follower_mps2)
     }
 }

@@ -3,8 +3,9 @@
 use super::World;
 use super::fleet::steps;
 use super::following::Obstacle;
-use crate::models::idm::{IdmParams, idm_accel, idm_free_accel};
-use crate::models::mobil::{AccelChange, MobilParams, MobilSituation, mobil_gain};
+use crate::models::car_following::Leader;
+use crate::models::idm::{IdmParams, idm_free_accel};
+use crate::models::mobil::{AccelChange, KeepRight, MobilParams, MobilSituation, mobil_gain, mobil_gain_keep_right};
 use crate::road::{LaneIndex, Side};
 use crate::scene::VehicleId;
 
@@ -15,8 +16,8 @@ const COURTEOUS_REACTION_S: f64 = 0.46;
 /// Another vehicle in a lane, seen from the vehicle that may change.
 #[derive(Clone, Copy)]
 struct Other {
-    gap_m: f64,
-    speed_mps: f64,
+    /// Where it is and what it did in the last step, as one who follows it sees it.
+    leader: Leader,
     /// How it follows; for the ego an estimate.
     driver: IdmParams,
 }
@@ -95,39 +96,56 @@ impl World {
 
     fn gain_mps2(&self, i: usize, lane: u8) -> Option<f64> {
         let own_lane = self.fleet.lane[i];
-        let me = Other { gap_m: 0.0, speed_mps: self.fleet.speed_mps[i], driver: self.fleet.driver[i] };
-        let length_m = 2.0 * self.fleet.half_length_m[i];
         let (front, new_front) = (self.front(i, own_lane), self.front(i, lane));
-        let with_me = |rear: &Other| accel_behind(rear, Some((rear.gap_m, me.speed_mps)));
-        let without_me = |rear: &Other, front: &Option<Other>| {
-            accel_behind(rear, front.map(|front| (rear.gap_m + length_m + front.gap_m, front.speed_mps)))
-        };
-        let own = |front: &Option<Other>| accel_behind(&me, front.map(|front| (front.gap_m, front.speed_mps)));
-        let situation = MobilSituation {
-            changer: AccelChange { keep_mps2: own(&front), change_mps2: own(&new_front) },
-            new_follower: self.rear(i, lane).map_or_else(AccelChange::default, |rear| AccelChange {
-                keep_mps2: without_me(&rear, &new_front),
-                change_mps2: with_me(&rear),
-            }),
-            old_follower: self.rear(i, own_lane).map_or_else(AccelChange::default, |rear| AccelChange {
-                keep_mps2: with_me(&rear),
-                change_mps2: without_me(&rear, &front),
-            }),
-        };
+        let situation = self.situation(i, lane, (front, new_front));
         let traffic = &self.traffic;
         let params = MobilParams {
             politeness: self.fleet.politeness[i],
             accel_gain_threshold_mps2: traffic.accel_gain_threshold_mps2,
             safe_decel_mps2: traffic.safe_decel_mps2,
         };
-        mobil_gain(&situation, &params)
+        if !traffic.keep_right {
+            return mobil_gain(&situation, &params);
+        }
+        let to_left = lane > own_lane;
+        let rule = KeepRight {
+            bias_mps2: traffic.keep_right_bias_mps2,
+            to_left,
+            speed_mps: self.fleet.speed_mps[i],
+            left_leader_mps: if to_left { new_front } else { front }.map_or(f64::INFINITY, |f| f.leader.speed_mps),
+        };
+        mobil_gain_keep_right(&situation, &params, &rule)
+    }
+
+    /// What a change of `i` into `lane` means to all concerned; `front` and `new_front` are its leaders before and after.
+    fn situation(&self, i: usize, lane: u8, (front, new_front): (Option<Other>, Option<Other>)) -> MobilSituation {
+        let me = self.other(i, 0.0);
+        let length_m = 2.0 * self.fleet.half_length_m[i];
+        let with_me = |rear: &Other| self.accel_behind(rear, Some(Leader { gap_m: rear.leader.gap_m, ..me.leader }));
+        let without_me = |rear: &Other, front: &Option<Other>| {
+            let gap_m = |front: &Other| rear.leader.gap_m + length_m + front.leader.gap_m;
+            self.accel_behind(rear, front.map(|front| Leader { gap_m: gap_m(&front), ..front.leader }))
+        };
+        let own = |front: &Option<Other>| self.accel_behind(&me, front.map(|front| front.leader));
+        MobilSituation {
+            changer: AccelChange { keep_mps2: own(&front), change_mps2: own(&new_front) },
+            new_follower: self.rear(i, lane).map_or_else(AccelChange::default, |rear| AccelChange {
+                keep_mps2: without_me(&rear, &new_front),
+                change_mps2: with_me(&rear),
+            }),
+            old_follower: self.rear(i, self.fleet.lane[i]).map_or_else(AccelChange::default, |rear| AccelChange {
+                keep_mps2: with_me(&rear),
+                change_mps2: without_me(&rear, &front),
+            }),
+        }
     }
 
     /// The nearest ahead of `i` in `lane`, the ego and obstacles included.
     fn front(&self, i: usize, lane: u8) -> Option<Other> {
         let human = self.fleet.ahead(i, lane).map(|j| self.other(j, self.fleet.gap_m(i, j)));
         let gap_m = self.obstacle_gap_m(i, lane);
-        let obstacle = (gap_m < f64::INFINITY).then_some(Other { gap_m, speed_mps: 0.0, driver: self.fleet.driver[i] });
+        let standing = Leader { gap_m, speed_mps: 0.0, accel_mps2: 0.0 };
+        let obstacle = (gap_m < f64::INFINITY).then_some(Other { leader: standing, driver: self.fleet.driver[i] });
         nearer(nearer(human, obstacle), self.ego_as_other(i, lane, true))
     }
 
@@ -147,7 +165,8 @@ impl World {
     }
 
     fn other(&self, j: usize, gap_m: f64) -> Other {
-        Other { gap_m, speed_mps: self.fleet.speed_mps[j], driver: self.fleet.driver[j] }
+        let (speed_mps, accel_mps2) = (self.fleet.speed_mps[j], self.fleet.accel_mps2[j]);
+        Other { leader: Leader { gap_m, speed_mps, accel_mps2 }, driver: self.fleet.driver[j] }
     }
 
     /// The ego, if it is in `lane` and on the wanted side; it is taken for a driver like `i` who wants no less than its speed.
@@ -156,22 +175,22 @@ impl World {
         let (ahead, gap_m) = ego.gap_m(&self.fleet, i);
         let own = self.fleet.driver[i];
         let driver = IdmParams { desired_speed_mps: own.desired_speed_mps.max(ego.speed_mps), ..own };
-        (ahead == wanted_ahead).then_some(Other { gap_m, speed_mps: ego.speed_mps, driver })
+        (ahead == wanted_ahead).then_some(Other { leader: ego.as_leader(gap_m), driver })
+    }
+
+    /// What a driver does behind a leader, or on a free road, m/s².
+    fn accel_behind(&self, follower: &Other, leader: Option<Leader>) -> f64 {
+        let (speed_mps, driver) = (follower.leader.speed_mps, &follower.driver);
+        leader.map_or_else(
+            || idm_free_accel(speed_mps, driver),
+            |leader| self.traffic.car_following.accel_mps2(speed_mps, &leader, driver),
+        )
     }
 }
 
 fn nearer(a: Option<Other>, b: Option<Other>) -> Option<Other> {
     match (a, b) {
-        (Some(a), Some(b)) => Some(if b.gap_m < a.gap_m { b } else { a }),
+        (Some(a), Some(b)) => Some(if b.leader.gap_m < a.leader.gap_m { b } else { a }),
         (a, b) => a.or(b),
     }
-}
-
-/// IDM behind a leader given by gap and speed, or on a free road.
-fn accel_behind(follower: &Other, leader: Option<(f64, f64)>) -> f64 {
-    let speed_mps = follower.speed_mps;
-    leader.map_or_else(
-        || idm_free_accel(speed_mps, &follower.driver),
-        |(gap_m, leader_mps)| idm_accel(gap_m, speed_mps, speed_mps - leader_mps, &follower.driver),
-    )
 }

@@ -8,6 +8,7 @@ use super::collision::{Collision, FaultClass, touch_in_step};
 use super::command::{Command, Order};
 use super::fleet::{Fleet, NEVER, Vehicle, steps};
 use super::following::{Leaders, Obstacle};
+use crate::models::car_following::Leader;
 use crate::models::safe_distance::BrakingLimits;
 use crate::road::{LaneIndex, Road, Topology};
 use crate::scenario::{Scenario, ScenarioError, TrafficConfig, VehicleSpec};
@@ -80,6 +81,11 @@ impl Ego {
             .fold(1_u8.checked_shl(u32::from(body.target_lane.0)).unwrap_or(0), |bits, lane| bits | (1 << lane.0));
         let body = ExternalBody { s_m: road.wrap_m(body.s_m), ..body };
         Self { body, speed_mps: (body.speed_mps * cos).max(0.0), half_m, lane_bits, changed_step: NEVER }
+    }
+
+    /// What drivers follow if it is this far ahead.
+    pub(super) fn as_leader(&self, gap_m: f64) -> Leader {
+        Leader { gap_m, speed_mps: self.speed_mps, accel_mps2: self.body.accel_mps2 }
     }
 
     pub(super) fn occupies(&self, lane: u8) -> bool {

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use lanecraft_drive::road::{LaneIndex, RoadConfig};
+use lanecraft_drive::road::RoadConfig;
 use lanecraft_drive::scenario::{ScenarioDistribution, ScenarioError, TrafficConfig};
-use lanecraft_drive::traffic::{ExternalBody, World};
+use lanecraft_drive::traffic::World;
 
 use crate::data::traffic::{TrafficPoint, TrafficSite, TrafficTrack};
 use crate::metrics::Interval;
@@ -131,19 +131,9 @@ pub struct ModelTraffic {
 pub(super) fn simulated(traffic: &TrafficConfig) -> Result<ModelTraffic, ScenarioError> {
     let road = RoadConfig { lanes: 5, ..RoadConfig::default() };
     let mut world = World::new(&ScenarioDistribution { road, traffic: traffic.clone() }.sample(0)?)?;
-    let absent = ExternalBody {
-        s_m: 0.0,
-        d_m: 1000.0,
-        heading_rad: 0.0,
-        speed_mps: 0.0,
-        accel_mps2: 0.0,
-        length_m: 4.8,
-        width_m: 1.9,
-        target_lane: LaneIndex(7),
-    };
     let (mut changes, mut meters, steps) = (0, 0.0, (COUNTED_S / STEP_S) as u32);
     for step in 0..2 * steps {
-        let events = world.step(absent, STEP_S);
+        let events = world.step_alone(STEP_S);
         if step >= steps {
             changes += events.lane_changes;
             meters += world.vehicles().map(|vehicle| vehicle.speed_mps * STEP_S).sum::<f64>();
