@@ -154,9 +154,9 @@ pub enum Kind {
 }
 
 /// Where the parameters v₀, T, s₀, a and b are searched.
-pub(super) const IDM_RANGES: [Range; 5] = [(15.0, 45.0), (0.3, 3.0), (0.5, 8.0), (0.3, 4.0), (0.3, 6.0)];
+pub(super) const IDM_RANGES: [Range; 5] = [(15.0, 45.0), (0.1, 3.0), (0.5, 8.0), (0.3, 4.0), (0.3, 6.0)];
 /// The same for T, s₀, k_s and k_v.
-const HEADWAY_RANGES: [Range; 4] = [(0.3, 3.0), (0.5, 8.0), (0.001, 1.0), (0.0, 2.0)];
+const HEADWAY_RANGES: [Range; 4] = [(0.1, 3.0), (0.5, 8.0), (0.001, 1.0), (0.0, 2.0)];
 
 /// Where the searches start, far from the walls: the default drivers on a road with a higher limit.
 pub(super) const IDM_START: [f64; 5] = [30.0, 1.4, 2.0, 1.5, 2.0];
@@ -217,14 +217,14 @@ fn mixed(law: &Law, episodes: &[&Episode]) -> f64 {
 pub(super) mod tests {
     use super::*;
 
-    /// A driver with these parameters behind a leader that goes through 15, 3 and 12 m/s, for 40 s.
+    /// A driver with these parameters behind a leader that goes through 15, 3 and 12 m/s, for 30 s.
     pub(in crate::calibrate) fn made_up(law: &Law, site: usize, vehicle_id: u32, gap_m: f64) -> Episode {
         let speed_mps = |step: usize| {
             let t = step as f64 * FRAME_S + f64::from(vehicle_id);
             9.0 + 6.0 * libm::sin(0.35 * t) * libm::cos(0.11 * t)
         };
         let mut leader = vec![Motion { s_m: gap_m + 5.0, speed_mps: speed_mps(0) }];
-        for step in 1..400 {
+        for step in 1..300 {
             let last = leader[step - 1];
             let s_m = last.s_m + 0.5 * (last.speed_mps + speed_mps(step)) * FRAME_S;
             leader.push(Motion { s_m, speed_mps: speed_mps(step) });
@@ -274,6 +274,6 @@ pub(super) mod tests {
     fn one_who_keeps_the_gap_keeps_it() {
         let episode = made_up(&Law::KeepGap, 0, 2, 15.0);
         // A step's lag behind accelerations of up to 2 m/s²: they change the speed by 12 m/s at most, over 0.15 s.
-        assert!((0..400).all(|step| (episode.gap_m(step) - 15.0).abs() < 2.0));
+        assert!((0..300).all(|step| (episode.gap_m(step) - 15.0).abs() < 2.0));
     }
 }
