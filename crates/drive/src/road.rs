@@ -126,7 +126,7 @@ impl RoadConfig {
     pub fn validate(&self) -> Result<(), ConfigError> {
         check_range("road.lanes", f64::from(self.lanes), 1.0, 8.0)?;
         check_range("road.lane_width_m", self.lane_width_m, 2.5, 6.0)?;
-        check_range("road.length_m", self.length_m, 200.0, 1e5)?;
+        check_range("road.length_m", self.length_m, 200.0, 1e7)?;
         check_range("road.adhesion", self.adhesion, 0.05, 1.5)?;
         let mut last_m = f64::NEG_INFINITY;
         for point in &self.curvature {
