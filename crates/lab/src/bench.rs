@@ -1,6 +1,8 @@
 //! How fast the parts are on this machine.
 //!
-//! A timed part is repeated until a second has passed; rates are of one core unless the name says otherwise.
+//! A timed part is repeated for a second in all; rates are of one core unless the name says otherwise.
+
+mod traffic;
 
 use std::hint::black_box;
 use std::sync::Arc;
@@ -8,8 +10,6 @@ use std::time::{Duration, Instant};
 
 use lanecraft_drive::driver::Part;
 use lanecraft_drive::env::EnvError;
-use lanecraft_drive::scenario::ScenarioDistribution;
-use lanecraft_drive::traffic::World;
 use lanecraft_learn::{ActError, Actor, Learner, Transition, UpdateError};
 use lanecraft_net::random::Stream;
 use serde::Serialize;
@@ -57,6 +57,8 @@ pub enum BenchError {
     Stats(#[from] StatsError),
     /// The replay buffer refused a transition.
     Replay(#[from] lanecraft_learn::ReplayError),
+    /// The threads could not be started.
+    Threads(#[from] rayon::ThreadPoolBuildError),
 }
 
 /// A group of measurements.
@@ -94,7 +96,7 @@ impl Group {
     /// Measures it and hands each row to `found` as it comes.
     pub fn run(self, config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
         match self {
-            Self::Traffic => traffic(config, found),
+            Self::Traffic => traffic::run(config, found),
             Self::Env => env(config, found),
             Self::Learner => learner(config, found),
             Self::Policies => policies(config, found),
@@ -114,40 +116,6 @@ fn rate(mut run: impl FnMut() -> u64) -> f64 {
         done += run();
     }
     done as f64 / begun.elapsed().as_secs_f64()
-}
-
-/// Straight ring, lane changes and collision check on, one control period a step.
-fn traffic(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
-    for vehicles in [50.0, 200.0, 1000.0] {
-        let (mut road, traffic) = (config.environment.road.clone(), config.environment.traffic.clone());
-        road.length_m = 1000.0 * vehicles / (traffic.density_veh_per_km_lane * f64::from(road.lanes));
-        let scenario = ScenarioDistribution { road, traffic }.sample(SeedRole::Tuning.scenario_seed(0, 0));
-        let mut world = scenario.and_then(|scenario| World::new(&scenario)).map_err(EnvError::from)?;
-        let ego = parked(&world);
-        world.set_ego(ego);
-        let dt_s = config.environment.env.control_period_s;
-        let updates = world.len() as u64;
-        let value = rate(|| {
-            let _ = black_box(world.step(ego, dt_s));
-            updates
-        });
-        found(BenchRow { bench: format!("traffic/idm-mobil/{vehicles}"), value, unit: "vehicle-updates/s" });
-    }
-    Ok(())
-}
-
-/// An ego car beside the road, so that the others drive as if there were none.
-fn parked(world: &World) -> lanecraft_drive::traffic::ExternalBody {
-    lanecraft_drive::traffic::ExternalBody {
-        s_m: 0.0,
-        d_m: -20.0,
-        heading_rad: 0.0,
-        speed_mps: 0.0,
-        accel_mps2: 0.0,
-        length_m: 4.8,
-        width_m: 1.9,
-        target_lane: world.road().nearest_lane(-20.0),
-    }
 }
 
 /// The whole loop behind the rule `best-lane`, both controllers on.
