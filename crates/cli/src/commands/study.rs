@@ -16,7 +16,7 @@ Examples:
 
 Writes each table as CSV, each figure as SVG and one page that shows all of them.";
 
-/// Study the motion control: phase-plane, pareto, preventable, margins or string-stability
+/// Study the motion control: phase-plane, pareto, preventable, margins or string-stability; or the traffic: fundamental-diagram
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Study {

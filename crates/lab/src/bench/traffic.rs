@@ -7,13 +7,13 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use lanecraft_drive::env::EnvError;
-use lanecraft_drive::road::LaneIndex;
 use lanecraft_drive::scenario::ScenarioDistribution;
-use lanecraft_drive::traffic::{ExternalBody, World};
+use lanecraft_drive::traffic::World;
 use rayon::prelude::*;
 
 use super::{BenchError, BenchRow};
 use crate::config::{RunConfig, SeedRole};
+use crate::traffic_alone;
 
 const STEP_S: f64 = 1.0 / 15.0;
 const LANES: u8 = 4;
@@ -26,18 +26,6 @@ const ROUND: Duration = Duration::from_millis(200);
 const WORLDS: u64 = 64;
 /// Steps that a thread takes with a world before the next one.
 const STEPS_IN_A_ROW: u32 = 15;
-
-/// Nobody's ego: far beside the road and in none of its lanes.
-const ABSENT: ExternalBody = ExternalBody {
-    s_m: 0.0,
-    d_m: 1000.0,
-    heading_rad: 0.0,
-    speed_mps: 0.0,
-    accel_mps2: 0.0,
-    length_m: 4.8,
-    width_m: 1.9,
-    target_lane: LaneIndex(u8::MAX),
-};
 
 pub(super) fn run(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
     rates(config, found)?;
@@ -56,9 +44,7 @@ fn world(config: &RunConfig, vehicles: u32, index: u64) -> Result<World, BenchEr
     let seed = SeedRole::Tuning.scenario_seed(0, index);
     let mut scenario = ScenarioDistribution { road, traffic }.sample(seed).map_err(EnvError::from)?;
     scenario.vehicles.truncate(vehicles as usize);
-    let mut world = World::new(&scenario).map_err(EnvError::from)?;
-    world.set_ego(ABSENT);
-    Ok(world)
+    Ok(traffic_alone::world(&scenario).map_err(EnvError::from)?)
 }
 
 /// What a world did in all its rounds.
@@ -76,12 +62,12 @@ impl Course {
         let (begun, computed) = (Instant::now(), processor_time());
         let before = self.steps;
         while begun.elapsed() < ROUND {
-            let events = black_box(world.step(ABSENT, STEP_S));
+            let events = black_box(traffic_alone::step(world, STEP_S));
             self.lane_changes += u64::from(events.lane_changes);
             self.steps += 1;
         }
         let passed = begun.elapsed();
-        let computed = processor_time().zip(computed).map_or(passed, |(end, start)| end - start);
+        let computed = processor_time().zip(computed).map_or(passed, |(end, start)| end.saturating_sub(start));
         let updates = ((self.steps - before) * world.len() as u64) as f64;
         self.rates[0].push(updates / passed.as_secs_f64());
         self.rates[1].push(updates / computed.as_secs_f64());
@@ -152,7 +138,7 @@ fn rate_of_all(worlds: &mut [World]) -> f64 {
             .par_iter_mut()
             .map(|world| {
                 for _ in 0..STEPS_IN_A_ROW {
-                    let _ = black_box(world.step(ABSENT, STEP_S));
+                    let _ = black_box(traffic_alone::step(world, STEP_S));
                 }
                 world.len() * STEPS_IN_A_ROW as usize
             })

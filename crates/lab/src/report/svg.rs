@@ -232,6 +232,17 @@ pub(crate) fn element([width, height]: [f64; 2], alternative: &str, attributes: 
     )
 }
 
+/// Finished plots below each other as one element.
+pub(crate) fn stack(plots: &[String], alternative: &str) -> String {
+    let [width, height] = SIZE;
+    let place = |(row, plot): (usize, &String)| {
+        let place = format!("<svg y=\"{}\" width=\"{width}\" height=\"{height}\" ", height * row as f64);
+        plot.replacen("<svg ", &place, 1)
+    };
+    let body: String = plots.iter().enumerate().map(place).collect();
+    element([width, height * plots.len() as f64], alternative, "", &body)
+}
+
 /// Color and dash of a series: 8 colors, then the same dashed.
 pub(crate) fn classes(series: usize) -> String {
     format!("s{} dash{}", series % 8, series / 8 % 3)

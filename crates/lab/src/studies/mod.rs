@@ -1,8 +1,9 @@
-//! Studies of the motion control: figures and tables that one command makes from nothing but the program.
+//! Studies of the motion control and of the traffic: figures and tables that one command makes from nothing but the program.
 //!
-//! Every study is without chance and gives the same bytes each time.
+//! Every study gives the same bytes each time.
 
 mod cells;
+mod fundamental_diagram;
 mod margins;
 mod output;
 mod pareto;
@@ -27,12 +28,20 @@ pub enum Study {
     Margins,
     /// A platoon of own cars.
     StringStability,
+    /// Flow, speed and lane changes of the human drivers over density.
+    FundamentalDiagram,
 }
 
 impl Study {
     /// All studies.
-    pub const ALL: [Self; 5] =
-        [Self::PhasePlane, Self::Pareto, Self::Preventable, Self::Margins, Self::StringStability];
+    pub const ALL: [Self; 6] = [
+        Self::PhasePlane,
+        Self::Pareto,
+        Self::Preventable,
+        Self::Margins,
+        Self::StringStability,
+        Self::FundamentalDiagram,
+    ];
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
@@ -42,6 +51,7 @@ impl Study {
             Self::Preventable => "preventable",
             Self::Margins => "margins",
             Self::StringStability => "string-stability",
+            Self::FundamentalDiagram => "fundamental-diagram",
         }
     }
 
@@ -53,6 +63,7 @@ impl Study {
             Self::Preventable => preventable::run(),
             Self::Margins => margins::run(),
             Self::StringStability => platoon::run(),
+            Self::FundamentalDiagram => fundamental_diagram::run(),
         }
     }
 }

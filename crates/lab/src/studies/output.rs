@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use lanecraft_drive::config::ConfigError;
+use lanecraft_drive::scenario::ScenarioError;
 
 use crate::report::html::escape;
 
@@ -14,6 +15,9 @@ pub enum StudyError {
     /// A number of the study is out of range.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// A scene could not be built.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
     /// A file could not be written.
     #[error("cannot write {}: {source}", path.display())]
     Write {
