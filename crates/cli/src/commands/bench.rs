@@ -46,7 +46,7 @@ impl Bench {
         if self.json {
             return Ok(answer(&serde_json::to_string(row)?)?);
         }
-        Ok(answer(&format!("{:<34} {:>14} {}", row.bench, figure(row.value), row.unit))?)
+        Ok(answer(&format!("{:<38} {:>14} {}", row.bench, figure(row.value), row.unit))?)
     }
 }
 
