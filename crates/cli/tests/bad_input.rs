@@ -93,7 +93,10 @@ const REFUSED: &[(&str, &[&str])] = &[
     ("traffic calibrate --data nowhere", &["there is no such folder"]),
     ("traffic calibrate --data photos", &["photos/traffic.csv.gz", "cannot be opened"]),
     ("--set traffic.time_headway_s=1.2", &["`traffic.time_headway_s` is 1.2", "a table with a `kind`"]),
-    ("--set traffic.time_headway_s.max=0.5", &["`traffic.time_headway_s.min` is 1, above `traffic.time_headway_s.max`"]),
+    (
+        "--set traffic.time_headway_s.max=0.5",
+        &["`traffic.time_headway_s.min` is 1, above `traffic.time_headway_s.max`"],
+    ),
     ("irl fit --data photos --synthetic", &["cannot be used with"]),
     ("train", &["--out"]),
     ("train --out new --threads 0", &["1..=1024"]),
@@ -131,7 +134,8 @@ fn bad_input_is_refused_by_name_and_nothing_is_written() {
 #[test]
 fn help_shows_examples_for_every_command() {
     let folder = tempfile::tempdir().unwrap();
-    for command in ["", "quickstart", "irl fit", "train", "evaluate", "report", "replay", "bench", "traffic calibrate"] {
+    for command in ["", "quickstart", "irl fit", "train", "evaluate", "report", "replay", "bench", "traffic calibrate"]
+    {
         let output = lanecraft(folder.path(), &format!("{command} --help"));
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         assert_eq!(output.status.code(), Some(0), "{command}");

@@ -8,7 +8,8 @@ use lanecraft_drive::models::idm::{IdmParams, idm_accel, idm_equilibrium_gap_m};
 use lanecraft_drive::models::safe_distance::BrakingLimits;
 use lanecraft_drive::road::{LaneIndex, RoadConfig, Topology};
 use lanecraft_drive::scenario::{EgoStart, Scenario, ScenarioDistribution, TrafficConfig, VehicleSpec};
-use lanecraft_drive::traffic::{ExternalBody, World};
+use lanecraft_drive::scene::VehicleId;
+use lanecraft_drive::traffic::{ExternalBody, Vehicle, World};
 use lanecraft_net::random::Stream;
 
 const CAR_LENGTH_M: f64 = 4.8;
@@ -259,13 +260,13 @@ impl Choice {
     /// By how much the change is to be preferred, least of all demands: MOBIL's three and the two safe distances; by hand.
     fn least_margin(&self, world: &World) -> f64 {
         let accel_mps2 = |behind: usize, ahead: usize| {
-            let (rear, front) = (world.vehicle(behind), world.vehicle(ahead));
+            let [rear, front] = [behind, ahead].map(|index| vehicle(world, index));
             let gap_m = front.s_m - rear.s_m - CAR_LENGTH_M;
             idm_accel(gap_m, rear.speed_mps, rear.speed_mps - front.speed_mps, &self.cars[behind].driver)
         };
         let limits = limits(&self.traffic);
         let spare_m = |behind: usize, ahead: usize| {
-            let (rear, front) = (world.vehicle(behind), world.vehicle(ahead));
+            let [rear, front] = [behind, ahead].map(|index| vehicle(world, index));
             front.s_m - rear.s_m - CAR_LENGTH_M - limits.required_gap_m(rear.speed_mps, front.speed_mps)
         };
         let [changer, old_leader, old_follower, new_leader, new_follower] = [0, 1, 2, 3, 4];
@@ -284,6 +285,11 @@ impl Choice {
     }
 }
 
+/// The vehicle of car `index`.
+fn vehicle(world: &World, index: usize) -> Vehicle {
+    world.vehicle(VehicleId(index as u32)).expect("nobody leaves")
+}
+
 fn random_driver(stream: &mut Stream) -> IdmParams {
     IdmParams { desired_speed_mps: stream.range(18.0, 35.0), time_headway_s: stream.range(0.8, 1.8), ..DRIVER }
 }
@@ -299,7 +305,7 @@ fn a_lane_is_changed_where_mobil_and_the_safe_distance_say_so_to_either_side() {
             let mut world = side.world();
             let margin = side.least_margin(&world);
             let _ = world.step(ABSENT, STEP_S);
-            let changed = world.vehicle(0).target_lane != LaneIndex(side.cars[0].lane);
+            let changed = vehicle(&world, 0).target_lane != LaneIndex(side.cars[0].lane);
             // Rounding decides what is nearer to the limit than this.
             if margin.abs() > 1e-9 {
                 assert_eq!(changed, margin > 0.0, "case {case}: {margin}");
