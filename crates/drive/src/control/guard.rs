@@ -144,10 +144,10 @@ impl Guard {
             return (self.refused(scene, input, &footing), Some(GuardCause::NotFinite));
         }
         let limited = self.limited(scene, input);
-        let limit = if limited.accel_mps2 != input.accel_mps2 {
-            Some(GuardCause::AccelLimit)
-        } else {
+        let limit = if limited.accel_mps2 == input.accel_mps2 {
             (limited.steer_rad != input.steer_rad).then_some(GuardCause::SteerLimit)
+        } else {
+            Some(GuardCause::AccelLimit)
         };
         if !self.config.guard {
             return (limited, limit);

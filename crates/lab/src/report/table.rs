@@ -106,18 +106,22 @@ pub(super) fn guard_table(results: &[PolicyResult]) -> String {
     if causes.is_empty() {
         return String::new();
     }
-    let heads: String =
-        causes.iter().map(|cause| format!("<th scope=\"col\">{}<small>per min</small></th>", cause.name())).collect();
-    let row = |r: &PolicyResult| {
-        let cells: String = causes.iter().map(|cause| format!("<td>{}</td>", number(mean(r, *cause), 2))).collect();
-        format!("<tr><th class=\"policy\" scope=\"row\">{}</th>{cells}</tr>\n", escape(&r.policy))
-    };
-    let rows: String = results.iter().map(row).collect();
-    format!(
-        "<div class=\"card results scroll\" tabindex=\"0\" role=\"region\" aria-label=\"What the guard acted for\"><table>\
-         <thead><tr><th class=\"policy\" scope=\"col\">What the guard acted for</th>{heads}</tr></thead>\n\
-         <tbody>\n{rows}</tbody></table></div>\n"
-    )
+    let mut html = String::from(
+        "<div class=\"card results scroll\" tabindex=\"0\" role=\"region\" aria-label=\"What the guard acted for\"><table>\n\
+         <thead><tr><th class=\"policy\" scope=\"col\">What the guard acted for</th>",
+    );
+    for cause in &causes {
+        let _ = write!(html, "<th scope=\"col\">{}<small>per min</small></th>", cause.name());
+    }
+    html += "</tr></thead>\n<tbody>\n";
+    for result in results {
+        let _ = write!(html, "<tr><th class=\"policy\" scope=\"row\">{}</th>", escape(&result.policy));
+        for cause in &causes {
+            let _ = write!(html, "<td>{}</td>", number(mean(result, *cause), 2));
+        }
+        html += "</tr>\n";
+    }
+    html + "</tbody></table></div>\n"
 }
 
 fn is_edge(index: usize) -> bool {

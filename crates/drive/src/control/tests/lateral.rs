@@ -126,7 +126,7 @@ fn with_the_regulators_cost_to_go_any_horizon_is_an_infinite_one() {
         let reference = LateralReference::LaneCenter { d_m: 0.0 };
         let expected = lqr.steer_rad(&scene, reference);
         let command = |terminal_cost, lateral_horizon| {
-            let config = ControlConfig { terminal_cost, lateral_horizon, ..ControlConfig::default() };
+            let config = ControlConfig { lateral_horizon, terminal_cost, ..ControlConfig::default() };
             LateralMpc::new(&config, &params, PERIOD_S).plan(&scene, reference, &[speed_mps], 1e-3).steer_rad
         };
         for horizon in [2, 5, 20] {
