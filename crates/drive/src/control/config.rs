@@ -11,6 +11,10 @@ use crate::vehicle::tire::GRAVITY_MPS2;
 pub const MAX_HORIZON: usize = 64;
 /// Share of μ g that full braking is trusted to reach.
 const USABLE_GRIP: f64 = 0.95;
+/// Share of the usable grip that full braking takes in the sharpest bend: slowing down is what cures it.
+const LEAST_SHARE: f64 = 0.5;
+/// Points at which the road's curvature ahead is looked up.
+const CURVATURE_POINTS: u32 = 8;
 /// Time in which full braking is built up, with some to spare, s.
 const BUILD_UP_S: f64 = 1.0;
 /// Least braking that is counted on, m/s²: below it a stop is beyond any look-ahead.
@@ -148,6 +152,11 @@ pub struct Footing {
     pub descent_mps2: f64,
 }
 
+/// Whether the brakes have the same grip everywhere: one adhesion, and no bend that takes of it.
+pub(crate) fn has_one_grip(road: &Road) -> bool {
+    road.is_uniform() && road.config().curvature.is_empty()
+}
+
 impl Default for ControlConfig {
     fn default() -> Self {
         Self {
@@ -228,21 +237,39 @@ impl ControlConfig {
         }
     }
 
-    /// The same from `s_m` on at this speed: the ego counts with the lowest adhesion and the steepest descent in reach of
-    /// its brakes, a leader with the road's own adhesion.
+    /// Full braking of the ego, m/s² (positive), where a bend takes `lateral_mps2` of the grip: F_x² + F_y² ≤ (μ F_z)².
+    pub(crate) fn brake_in_bend_mps2(&self, adhesion: f64, lateral_mps2: f64) -> f64 {
+        let grip_mps2 = USABLE_GRIP * adhesion * GRAVITY_MPS2;
+        let left_mps2 = (grip_mps2 * grip_mps2 - lateral_mps2 * lateral_mps2).max(0.0).sqrt();
+        self.braking(adhesion).max_brake_mps2.min(left_mps2.max(LEAST_SHARE * grip_mps2))
+    }
+
+    /// The same at a place of the road and a speed.
+    pub(crate) fn brake_at_mps2(&self, road: &Road, s_m: f64, speed_mps: f64) -> f64 {
+        self.brake_in_bend_mps2(road.adhesion_at(s_m), speed_mps * speed_mps * road.curvature_radpm(s_m))
+    }
+
+    /// The same from `s_m` on at this speed: the ego counts with the lowest adhesion, the sharpest bend and the steepest
+    /// descent in reach of its brakes, a leader with the road's own adhesion.
     pub fn braking_on(&self, road: &Road, s_m: f64, speed_mps: f64) -> Footing {
         let braking = self.braking(road.adhesion());
-        if road.is_uniform() && road.config().grade.is_empty() {
+        if has_one_grip(road) && road.config().grade.is_empty() {
             return Footing { braking, tire_brake_mps2: self.tire_brake_mps2(road.adhesion()), descent_mps2: 0.0 };
         }
+        let braking_here = self.braking(road.adhesion_at(s_m));
         let braked_m = speed_mps * speed_mps / (2.0 * braking.max_brake_mps2);
         let reach_m = (speed_mps * (braking.reaction_s + BUILD_UP_S) + braked_m).max(0.0);
         let adhesion = road.lowest_adhesion(s_m, reach_m);
         // A grade g takes g sin(atan g) ≤ g g.
         let descent_mps2 = GRAVITY_MPS2 * road.steepest_descent(s_m, reach_m);
-        let max_brake_mps2 = (self.braking(adhesion).max_brake_mps2 - descent_mps2).max(BRAKE_MIN_MPS2);
+        let sharpest_radpm = (0..=CURVATURE_POINTS)
+            .map(|point| road.curvature_radpm(s_m + reach_m * f64::from(point) / f64::from(CURVATURE_POINTS)).abs())
+            .fold(0.0, f64::max);
+        let in_bend_mps2 = self.brake_in_bend_mps2(adhesion, speed_mps * speed_mps * sharpest_radpm);
+        let max_brake_mps2 = (in_bend_mps2 - descent_mps2).max(BRAKE_MIN_MPS2);
         // The tires are asked for what they have here, not for what they will have.
-        let tire_brake_mps2 = self.tire_brake_mps2(road.adhesion_at(s_m));
+        let lost_mps2 = braking_here.max_brake_mps2 - self.brake_at_mps2(road, s_m, speed_mps);
+        let tire_brake_mps2 = self.tire_brake_mps2(road.adhesion_at(s_m)) - lost_mps2;
         Footing { braking: Braking { max_brake_mps2, ..braking }, tire_brake_mps2, descent_mps2 }
     }
 

@@ -8,7 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::control::config::{ControlConfig, Footing};
+use crate::control::config::{ControlConfig, Footing, has_one_grip};
 use crate::control::delay::SentCommands;
 use crate::control::worst_case::{Opening, closest_m};
 use crate::models::rss::{Braking, safe_gap_m};
@@ -254,7 +254,7 @@ impl Guard {
         let leader_travelled_m = 0.5 * (leader_speed + leader_next) * moving_s;
         let gap_m = leader.gap_m(seen.scene.ego_length_m) + leader_travelled_m - next.travelled_m;
         let closed_form = gap_m >= safe_gap_m(next.speed_mps, next.accel_mps2 + descent_mps2, leader_next, braking);
-        if closed_form || seen.scene.road.is_uniform() && *descent_mps2 == 0.0 {
+        if closed_form || has_one_grip(&seen.scene.road) && *descent_mps2 == 0.0 {
             return closed_form;
         }
         let opening = Opening {

@@ -15,7 +15,7 @@
 
 use lanecraft_qp::{Problem, Row, Solver, Start};
 
-use crate::control::config::{ControlConfig, MAX_HORIZON};
+use crate::control::config::{ControlConfig, MAX_HORIZON, has_one_grip};
 use crate::control::delay::SentCommands;
 use crate::control::observer::SpeedObserver;
 use crate::control::verdict::{Rung, SolveSummary};
@@ -177,14 +177,14 @@ impl LongitudinalMpc {
         if self.stays(scene, goal, now_mps) {
             return self.hold();
         }
-        self.lowest_mps2 = self.lowest_at(&scene.road, scene.ego.s_m);
+        self.lowest_mps2 = self.lowest_at(&scene.road, scene.ego.s_m, now_mps);
         if self.config.observer {
             let limits = (self.lowest_mps2, self.config.accel_max_mps2);
             self.observer.observe(now_mps, scene.ego.accel_mps2, &self.sent, limits);
         }
         let [_, speed_mps, accel_mps2] = self.begin(now_mps, scene.ego.accel_mps2);
         self.set_goal(goal, speed_ratio, speed_mps);
-        if !scene.road.is_uniform() {
+        if !has_one_grip(&scene.road) {
             self.set_grip(scene);
         }
         self.set_spacing(scene, forecast, goal, speed_mps);
@@ -204,9 +204,9 @@ impl LongitudinalMpc {
         self.sent.amend(accel_mps2);
     }
 
-    /// Lowest acceleration that the road at `s_m` allows the tires, m/s².
-    fn lowest_at(&self, road: &Road, s_m: f64) -> f64 {
-        self.config.accel_min_mps2.max(-self.config.braking(road.adhesion_at(s_m)).max_brake_mps2)
+    /// Lowest acceleration that the road at `s_m` allows the tires at this speed, m/s².
+    fn lowest_at(&self, road: &Road, s_m: f64, speed_mps: f64) -> f64 {
+        self.config.accel_min_mps2.max(-self.config.brake_at_mps2(road, s_m, speed_mps))
     }
 
     /// Sets the plan's initial state: distance from here, speed and acceleration when a command of now will count.
@@ -280,7 +280,7 @@ impl LongitudinalMpc {
         let [travelled_m, speed_mps, _] = self.problem.initial_state;
         for k in 0..self.problem.stages.len() {
             let ahead_m = travelled_m + speed_mps * k as f64 * self.config.longitudinal_step_s;
-            self.problem.stages[k].rows[ACCEL].lower = self.lowest_at(&scene.road, scene.ego.s_m + ahead_m);
+            self.problem.stages[k].rows[ACCEL].lower = self.lowest_at(&scene.road, scene.ego.s_m + ahead_m, speed_mps);
         }
     }
 

@@ -1,4 +1,4 @@
-//! The safe distance on a road whose adhesion or grade changes: the law of [`crate::models::rss`], played through.
+//! The safe distance on a road whose adhesion, bends or grade change what the brakes can do: the law of [`crate::models::rss`], played through.
 //!
 //! Closed forms need one braking for the whole stop. Counting with the lowest in reach keeps no promise: what is safe
 //! now may not be when a slippery stretch comes into reach. What is played through stays true: whoever answers as in
@@ -38,7 +38,7 @@ pub(crate) fn closest_m(config: &ControlConfig, road: &Road, opening: &Opening) 
         if v <= 0.0 || gap < 0.0 {
             break;
         }
-        let most = config.braking(road.adhesion_at(s)).max_brake_mps2;
+        let most = config.brake_at_mps2(road, s, v);
         // The step in which the reaction ends counts by its share.
         let braked_s = (f64::from(k + 1) * STEP_S - base.reaction_s).clamp(0.0, STEP_S);
         let before = tires.max(-most);
@@ -61,7 +61,7 @@ pub(crate) fn closest_m(config: &ControlConfig, road: &Road, opening: &Opening) 
 mod tests {
     use super::*;
     use crate::models::rss::safe_gap_m;
-    use crate::road::{AdhesionPatch, RoadConfig, Topology};
+    use crate::road::{AdhesionPatch, CurvaturePoint, RoadConfig, Topology};
 
     fn road(patches: &[AdhesionPatch]) -> Road {
         let config =
@@ -113,5 +113,34 @@ mod tests {
         let expected_m = (400.0 - 40.0 * 0.95 * 0.2 * GRAVITY_MPS2) / 14.0 + 20.0;
         assert!((stop(&[]) - 400.0 / 14.0).abs() < 0.05, "{} m", stop(&[]));
         assert!((stop(&[ice]) - expected_m).abs() < 1.0, "{} m, not {expected_m} m", stop(&[ice]));
+    }
+
+    #[test]
+    fn a_bend_lengthens_the_stop_until_the_car_is_slow() {
+        // 20 m/s on μ = 0.4 around 150 m of radius: the bend takes 2.67 of 3.73 m/s², and less and less as the speed falls.
+        let config = ControlConfig { reaction_s: 0.0, emergency_jerk_mps3: 1e6, ..ControlConfig::default() };
+        let stop_m = |curvature_radpm: f64| {
+            let curvature = vec![CurvaturePoint { s_m: 0.0, curvature_radpm }];
+            let bend = RoadConfig { topology: Topology::Open, adhesion: 0.4, curvature, ..RoadConfig::default() };
+            let opening = Opening {
+                s_m: 0.0,
+                speed_mps: 20.0,
+                accel_mps2: 0.0,
+                leader_speed_mps: 0.0,
+                leader_brake_mps2: 7.0,
+                gap_m: 500.0,
+            };
+            500.0 - closest_m(&config, &Road::new(bend).unwrap(), &opening)
+        };
+        let grip = 0.95 * 0.4 * GRAVITY_MPS2;
+        // With u = V²: du/ds = −2 √(g² − κ² u²), so that the stop takes arcsin(κ V² / g) / (2 κ).
+        let (straight_m, kappa) = (400.0 / (2.0 * grip), 1.0 / 150.0_f64);
+        let bent_m = libm::asin(400.0 * kappa / grip) / (2.0 * kappa);
+        assert!((stop_m(0.0) - straight_m).abs() < 0.1, "{} m", stop_m(0.0));
+        assert!(
+            (stop_m(kappa) - bent_m).abs() < 0.3 && bent_m > straight_m + 5.0,
+            "{} m, not {bent_m} m",
+            stop_m(kappa)
+        );
     }
 }

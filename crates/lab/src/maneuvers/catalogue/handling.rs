@@ -1,12 +1,22 @@
 //! The car itself (open-loop steering), bends, and disturbances that the lateral controller has to end.
 
 use lanecraft_drive::road::CurvaturePoint;
+use lanecraft_drive::vehicle::LoadTransfer;
 
-use super::{in_lane, no_fallback};
-use crate::maneuvers::{Check, EgoScript, Maneuver, Measure, Steering};
+use super::{in_lane, no_collision, no_fallback};
+use crate::maneuvers::{CarScript, Check, EgoScript, Maneuver, Measure, Steering};
 
 pub(super) fn maneuvers() -> Vec<Maneuver> {
-    vec![step_steer(), sine_with_dwell(), bend(), bend_wet(), offset(), spin_recovery(), spin_recovery_wet()]
+    vec![
+        step_steer(),
+        sine_with_dwell(),
+        bend(),
+        bend_wet(),
+        stop_in_bend(),
+        offset(),
+        spin_recovery(),
+        spin_recovery_wet(),
+    ]
 }
 
 /// ISO 7401: 100 km/h, steering for about 4 m/s² of lateral acceleration.
@@ -53,6 +63,26 @@ fn bend() -> Maneuver {
 
 fn bend_wet() -> Maneuver {
     curved("bend-650-wet", "a bend of 650 m radius at 100 km/h on μ = 0.4", 100.0 / 3.6, 0.4)
+}
+
+/// The lateral demand leaves the brakes less than they could have, on a car that shares its grip and shifts its loads.
+fn stop_in_bend() -> Maneuver {
+    let about = "90 km/h on μ = 0.4 in a bend of 300 m radius: a standing car comes into sight at 125 m; shared grip, load transfer";
+    let mut maneuver = Maneuver::new("stop-in-bend-wet", about, EgoScript::hold(25.0), 16.0)
+        .on_adhesion(0.4)
+        .with_cars(vec![CarScript::steady(225.0, 0, 0.0).hidden_until(4.0)])
+        .checked([
+            no_collision(),
+            in_lane(),
+            Check::at_most("stands", Measure::FinalSpeed, 0.1),
+            Check::at_most("sideslip", Measure::Sideslip, 2.0),
+            no_fallback(),
+        ]);
+    let point = |s_m, curvature_radpm| CurvaturePoint { s_m, curvature_radpm };
+    maneuver.road.curvature = vec![point(20.0, 0.0), point(80.0, 1.0 / 300.0)];
+    maneuver.options.combined_grip = true;
+    maneuver.options.load_transfer = LoadTransfer::QuasiStatic;
+    maneuver
 }
 
 fn offset() -> Maneuver {
