@@ -48,11 +48,12 @@ pub fn run(count: usize) -> Report {
         let start = if stream.bernoulli(0.5) { Start::Cold } else { Start::Shifted(stream.below(3)) };
         let solver = &mut solvers[which];
         let verdict = solver.solve(&problem, start);
-        let numbers = solver.states().as_flattened().iter().chain(&verdict.feedback).chain([&verdict.slack_max]);
+        let feedback = solver.feedback();
+        let numbers = solver.states().as_flattened().iter().chain(&feedback).chain([&verdict.slack_max]);
         let mut sound = numbers.chain(solver.inputs()).all(|v| v.is_finite());
         match verdict.status {
             Status::Solved => report.solved += 1,
-            Status::IterationLimit => report.limited += 1,
+            Status::IterationLimit | Status::OutOfTime => report.limited += 1,
             Status::InvalidInput(_) => report.refused += 1,
         }
         if matches!(verdict.status, Status::InvalidInput(_)) {

@@ -8,6 +8,9 @@ use crate::responses::{Place, Responses};
 /// rounding errors; with this one its multiplier runs to the next event, as it must.
 const PIVOT_FLOOR: f64 = 1e-12;
 
+/// Changed diagonals of M beyond which a new factor costs less than the changes of the old one.
+const MANY_BENT: usize = 6;
+
 /// An active constraint, `sign` (its value) <= `bound` + slack.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Active {
@@ -292,14 +295,27 @@ impl ActiveSet {
 
     /// Moves the items whose diagonal of M has changed to the end, where the factor is still to come.
     pub(crate) fn requeue_bent(&mut self) {
+        let bent = self.items.iter().filter(|item| item.bent).count();
+        if bent > MANY_BENT {
+            return self.drop_bent();
+        }
         let mut i = 0;
-        for _ in 0..self.items.len() {
+        for _ in 0..if bent > 0 { self.items.len() } else { 0 } {
             if self.items[i].bent {
                 self.remove_factor(i);
                 let item = self.items.remove(i);
                 self.items.push(Active { bent: false, ..item });
             } else {
                 i += 1;
+            }
+        }
+    }
+
+    /// Drops the factor from the first item on whose diagonal of M has changed.
+    fn drop_bent(&mut self) {
+        for i in (0..self.items.len()).rev() {
+            if std::mem::take(&mut self.items[i].bent) {
+                self.factored = self.factored.min(i);
             }
         }
     }

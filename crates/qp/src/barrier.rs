@@ -1,4 +1,10 @@
-//! One inequality of the interior point, its slack eliminated in closed form (docs/qp.md, Eqs. 14 to 17).
+//! The inequalities of one stage in the interior point, side by side, their slacks eliminated in closed form
+//! (docs/qp.md, Eqs. 14 to 17).
+
+// Indices as in the equations.
+#![allow(clippy::needless_range_loop)]
+
+use crate::linalg::larger;
 
 /// How often the slack of a start is improved; it need not be exact.
 const REFINEMENTS: u32 = 2;
@@ -9,181 +15,219 @@ fn positive_root(a: f64, b: f64, c: f64) -> f64 {
     if b > 0.0 { 2.0 * c / (b + root) } else { (root - b) / (2.0 * a) }
 }
 
-/// `sign` (its value) + t = `bound` + s with t, s > 0, and the multipliers λ of t and v of s. Without slack if `l2_weight` is 0;
-/// not there if `bound` is infinite.
+/// What a positive number and its step look like to all barriers.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Barrier {
-    sign: f64,
-    bound: f64,
-    l1_weight: f64,
-    l2_weight: f64,
-    distance: f64,
-    multiplier: f64,
-    slack: f64,
-    slack_multiplier: f64,
-    /// Present direction of the four, in this order.
-    direction: [f64; 4],
-    /// Products of the predictor's changes, which the corrector takes back.
-    cross: [f64; 2],
-    /// λ/t, 1/t, 1/s and the compliance 1 / (λ/t + w2 + v/s) of the slack.
-    stiffness: f64,
-    slack_compliance: f64,
-    /// Of the value, in the Newton system.
-    weight: f64,
-    inverse_distance: f64,
-    inverse_slack: f64,
+struct Positive<const M: usize> {
+    value: [f64; M],
+    inverse: [f64; M],
+    change: [f64; M],
 }
 
-impl Barrier {
-    /// A barrier that is not there.
-    pub(crate) const NONE: Self = Self {
-        sign: 1.0,
-        bound: f64::INFINITY,
-        l1_weight: 0.0,
-        l2_weight: 0.0,
-        distance: 1.0,
-        multiplier: 0.0,
-        slack: 1.0,
-        slack_multiplier: 0.0,
-        direction: [0.0; 4],
-        cross: [0.0; 2],
-        stiffness: 0.0,
-        slack_compliance: 0.0,
-        weight: 0.0,
-        inverse_distance: 1.0,
-        inverse_slack: 1.0,
-    };
+impl<const M: usize> Positive<M> {
+    fn new(value: f64) -> Self {
+        Self { value: [value; M], inverse: [1.0; M], change: [0.0; M] }
+    }
 
-    /// A soft constraint at a value of its row, centered: λ t = v s = `gap`, and nearly λ + v = w1 + w2 s.
-    pub(crate) fn soft((sign, bound): (f64, f64), (l1, l2): (f64, f64), value: f64, gap: f64) -> Self {
+    fn invert(&mut self) {
+        for i in 0..M {
+            self.inverse[i] = 1.0 / self.value[i];
+        }
+    }
+
+    /// By how much the step must be divided so that the numbers stay positive, if that is more than `limit`.
+    fn shortening(&self, mut limit: [f64; M]) -> [f64; M] {
+        for i in 0..M {
+            limit[i] = larger(-self.change[i] * self.inverse[i], limit[i]);
+        }
+        limit
+    }
+
+    fn advance(&mut self, step: f64) {
+        for i in 0..M {
+            self.value[i] += step * self.change[i];
+        }
+    }
+}
+
+/// M constraints `sign` (value) + t = `bound` + s with t, s > 0, and the multipliers λ of t and v of s. Without slack if not
+/// `SOFT`. One whose bound is infinite takes part in everything with `present` = 0, which leaves it as it is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Barriers<const M: usize, const SOFT: bool> {
+    present: [f64; M],
+    sign: [f64; M],
+    bound: [f64; M],
+    l1_weight: [f64; M],
+    l2_weight: [f64; M],
+    distance: Positive<M>,
+    multiplier: Positive<M>,
+    slack: Positive<M>,
+    slack_multiplier: Positive<M>,
+    /// Products of the predictor's changes, which the corrector takes back.
+    cross: [[f64; M]; 2],
+    /// λ/t, and the compliance 1 / (λ/t + w2 + v/s) of the slack.
+    stiffness: [f64; M],
+    compliance: [f64; M],
+    /// Of the value, in the Newton system.
+    weight: [f64; M],
+    /// Residuals of (14): (target - λ t) / t, that of the slack, that of the multipliers, and that of the constraint.
+    aim: [f64; M],
+    slack_aim: [f64; M],
+    dual: [f64; M],
+    off: [f64; M],
+}
+
+impl<const M: usize, const SOFT: bool> Barriers<M, SOFT> {
+    /// Barriers that are not there.
+    pub(crate) fn none() -> Self {
+        Self {
+            present: [0.0; M],
+            sign: [1.0; M],
+            bound: [0.0; M],
+            l1_weight: [0.0; M],
+            l2_weight: [1.0; M],
+            distance: Positive::new(1.0),
+            multiplier: Positive::new(0.0),
+            slack: Positive::new(1.0),
+            slack_multiplier: Positive::new(0.0),
+            cross: [[0.0; M]; 2],
+            stiffness: [0.0; M],
+            compliance: [0.0; M],
+            weight: [0.0; M],
+            aim: [0.0; M],
+            slack_aim: [0.0; M],
+            dual: [0.0; M],
+            off: [0.0; M],
+        }
+    }
+
+    /// Sets constraint `i` up at a value, centered: λ t = v s = `gap`, and if it is soft, nearly λ + v = w1 + w2 s. A hard one
+    /// must be kept by the value.
+    pub(crate) fn set(&mut self, i: usize, (sign, bound): (f64, f64), (l1, l2): (f64, f64), (value, gap): (f64, f64)) {
         if bound == f64::INFINITY {
-            return Self::NONE;
+            return;
         }
         let violation = sign * value - bound;
-        // The smaller x of s and t, which differ by the violation, solves w2 x² + (b - gap / (x + |violation|)) x = gap.
-        let b = l1 + l2 * violation.max(0.0);
-        let mut x = positive_root(l2, b, gap);
-        for _ in 0..REFINEMENTS {
-            x = positive_root(l2, b - gap / (x + violation.abs()), gap);
+        let (mut slack, mut distance) = (1.0, -violation);
+        if SOFT {
+            // The smaller x of s and t, which differ by the violation, solves w2 x² + (b - gap / (x + |violation|)) x = gap.
+            let b = l1 + l2 * violation.max(0.0);
+            let mut x = positive_root(l2, b, gap);
+            for _ in 0..REFINEMENTS {
+                x = positive_root(l2, b - gap / (x + violation.abs()), gap);
+            }
+            (slack, distance) = if violation > 0.0 { (x + violation, x) } else { (x, x - violation) };
+            (self.l1_weight[i], self.l2_weight[i]) = (l1, l2);
+            self.slack_multiplier.value[i] = gap / slack;
         }
-        let (slack, distance) = if violation > 0.0 { (x + violation, x) } else { (x, x - violation) };
-        Self {
-            sign,
-            bound,
-            l1_weight: l1,
-            l2_weight: l2,
-            distance,
-            multiplier: gap / distance,
-            slack,
-            slack_multiplier: gap / slack,
-            ..Self::NONE
-        }
+        (self.present[i], self.sign[i], self.bound[i]) = (1.0, sign, bound);
+        (self.slack.value[i], self.distance.value[i], self.multiplier.value[i]) = (slack, distance, gap / distance);
     }
 
-    /// A hard constraint at a value inside its bound.
-    pub(crate) fn hard((sign, bound): (f64, f64), value: f64, gap: f64) -> Self {
-        if bound == f64::INFINITY {
-            return Self::NONE;
-        }
-        let distance = bound - sign * value;
-        Self { sign, bound, distance, multiplier: gap / distance, ..Self::NONE }
+    /// Products that are to vanish: one for each constraint, and one for each slack.
+    pub(crate) fn count(&self) -> f64 {
+        self.present.iter().sum::<f64>() * if SOFT { 2.0 } else { 1.0 }
     }
 
-    pub(crate) fn is_there(&self) -> bool {
-        self.bound < f64::INFINITY
-    }
-
-    pub(crate) fn is_soft(&self) -> bool {
-        self.l2_weight > 0.0
-    }
-
-    /// λ t + s v.
-    pub(crate) fn gap(&self) -> f64 {
-        self.multiplier * self.distance + self.slack * self.slack_multiplier
-    }
-
-    /// The same after a step along the direction.
+    /// Sum of λ t + s v after a step along the direction.
     pub(crate) fn gap_after(&self, step: f64) -> f64 {
-        let [dt, dl, ds, dv] = self.direction.map(|d| step * d);
-        (self.multiplier + dl) * (self.distance + dt) + (self.slack + ds) * (self.slack_multiplier + dv)
+        let after = |p: &Positive<M>, i: usize| p.value[i] + step * p.change[i];
+        let mut gap = 0.0;
+        for i in 0..M {
+            gap += after(&self.multiplier, i) * after(&self.distance, i);
+            if SOFT {
+                gap += after(&self.slack, i) * after(&self.slack_multiplier, i);
+            }
+        }
+        gap
     }
 
     /// What the corrector is to take back of the present direction.
     pub(crate) fn keep_cross(&mut self) {
-        let [dt, dl, ds, dv] = self.direction;
-        self.cross = [dt * dl, ds * dv];
+        for i in 0..M {
+            self.cross[0][i] = self.distance.change[i] * self.multiplier.change[i];
+            self.cross[1][i] = self.slack.change[i] * self.slack_multiplier.change[i];
+        }
     }
 
-    /// Reciprocals of this iterate; returns the weight of the constraint's value in the Newton system.
-    pub(crate) fn linearize(&mut self) -> f64 {
-        self.cross = [0.0; 2];
-        self.inverse_distance = 1.0 / self.distance;
-        self.stiffness = self.multiplier * self.inverse_distance;
-        self.weight = self.stiffness;
-        if !self.is_soft() {
-            return self.weight;
+    /// Everything that this iterate fixes for all directions; returns the weights of the values in the Newton system.
+    pub(crate) fn linearize(&mut self, values: &[f64; M]) -> [f64; M] {
+        self.cross = [[0.0; M]; 2];
+        self.distance.invert();
+        self.multiplier.invert();
+        for i in 0..M {
+            self.stiffness[i] = self.multiplier.value[i] * self.distance.inverse[i];
+            self.off[i] = self.sign[i] * values[i] + self.distance.value[i] - self.bound[i];
         }
-        self.inverse_slack = 1.0 / self.slack;
-        let slack_stiffness = self.l2_weight + self.slack_multiplier * self.inverse_slack;
-        self.slack_compliance = 1.0 / (self.stiffness + slack_stiffness);
-        self.weight *= slack_stiffness * self.slack_compliance;
+        self.weight = self.stiffness;
+        if SOFT {
+            self.linearize_slacks();
+        }
+        for i in 0..M {
+            self.off[i] *= self.present[i];
+        }
         self.weight
     }
 
-    /// Right-hand sides: (target - λ t) / t, that of the slack, and `sign` value + t - s - bound.
-    fn residuals(&self, value: f64, target: f64) -> (f64, f64, f64) {
-        let aim = (target - self.cross[0]) * self.inverse_distance - self.multiplier;
-        let off = self.sign * value + self.distance - self.bound;
-        if !self.is_soft() {
-            return (aim, 0.0, off);
+    fn linearize_slacks(&mut self) {
+        self.slack.invert();
+        self.slack_multiplier.invert();
+        for i in 0..M {
+            let slack_stiffness = self.l2_weight[i] + self.slack_multiplier.value[i] * self.slack.inverse[i];
+            self.compliance[i] = 1.0 / (self.stiffness[i] + slack_stiffness);
+            self.weight[i] *= slack_stiffness * self.compliance[i];
+            self.off[i] -= self.slack.value[i];
+            let owed = self.l1_weight[i] + self.l2_weight[i] * self.slack.value[i];
+            self.dual[i] = self.present[i] * (owed - self.multiplier.value[i] - self.slack_multiplier.value[i]);
         }
-        let slack_aim = (target - self.cross[1]) * self.inverse_slack - self.slack_multiplier;
-        let dual = self.l1_weight + self.l2_weight * self.slack - self.multiplier - self.slack_multiplier;
-        (aim, aim + slack_aim - dual, off - self.slack)
     }
 
-    /// The linear term that stands beside the weight in the Newton system, for the value itself (not its change).
-    pub(crate) fn pull(&self, value: f64, target: f64) -> f64 {
-        let (aim, slack_aim, off) = self.residuals(value, target);
-        let yielded = self.stiffness * self.slack_compliance * slack_aim;
-        self.sign * (self.multiplier + aim - yielded + self.weight * (off - self.sign * value))
+    /// The linear terms that stand beside the weights in the Newton system, for the values themselves (not their changes).
+    pub(crate) fn pull(&mut self, values: &[f64; M], target: f64) -> [f64; M] {
+        let mut pull = [0.0; M];
+        for i in 0..M {
+            self.aim[i] =
+                (self.present[i] * target - self.cross[0][i]) * self.distance.inverse[i] - self.multiplier.value[i];
+            let mut push =
+                self.multiplier.value[i] + self.aim[i] + self.weight[i] * (self.off[i] - self.sign[i] * values[i]);
+            if SOFT {
+                let toward = (self.present[i] * target - self.cross[1][i]) * self.slack.inverse[i];
+                self.slack_aim[i] = self.aim[i] + toward - self.slack_multiplier.value[i] - self.dual[i];
+                push -= self.stiffness[i] * self.compliance[i] * self.slack_aim[i];
+            }
+            pull[i] = self.sign[i] * push;
+        }
+        pull
     }
 
-    /// The direction that belongs to a new value; returns the longest step that keeps all four positive.
-    pub(crate) fn aim_at(&mut self, value: f64, new_value: f64, target: f64) -> f64 {
-        let (aim, slack_aim, off) = self.residuals(value, target);
-        let change = self.sign * (new_value - value) + off;
-        let (mut ds, mut dv) = (0.0, 0.0);
-        if self.is_soft() {
-            ds = (slack_aim + self.stiffness * change) * self.slack_compliance;
-            dv = self.l2_weight * ds
-                + (self.l1_weight + self.l2_weight * self.slack - self.multiplier - self.slack_multiplier);
-        }
-        let dt = ds - change;
-        let dl = aim - self.stiffness * dt;
-        dv -= if self.is_soft() { dl } else { 0.0 };
-        self.direction = [dt, dl, ds, dv];
-        let mut step = f64::INFINITY;
-        for (value, change) in
-            [self.distance, self.multiplier, self.slack, self.slack_multiplier].iter().zip(self.direction)
-        {
-            if change < 0.0 && value + step * change < 0.0 {
-                step = -value / change;
+    /// The direction that belongs to these changes of the values, after [`Self::pull`]; returns by how much the step must be
+    /// divided so that all four numbers stay positive, if that is more than `limit`.
+    pub(crate) fn aim_at(&mut self, changes: &[f64; M], limit: [f64; M]) -> [f64; M] {
+        for i in 0..M {
+            let change = self.present[i] * self.sign[i] * changes[i] + self.off[i];
+            let slack = (self.slack_aim[i] + self.stiffness[i] * change) * self.compliance[i];
+            self.distance.change[i] = slack - change;
+            self.multiplier.change[i] = self.aim[i] - self.stiffness[i] * self.distance.change[i];
+            if SOFT {
+                self.slack.change[i] = slack;
+                self.slack_multiplier.change[i] = self.l2_weight[i] * slack + self.dual[i] - self.multiplier.change[i];
             }
         }
-        step
+        let limit = self.multiplier.shortening(self.distance.shortening(limit));
+        if SOFT { self.slack_multiplier.shortening(self.slack.shortening(limit)) } else { limit }
     }
 
     pub(crate) fn advance(&mut self, step: f64) {
-        let [dt, dl, ds, dv] = self.direction;
-        self.distance += step * dt;
-        self.multiplier += step * dl;
-        self.slack += step * ds;
-        self.slack_multiplier += step * dv;
+        self.distance.advance(step);
+        self.multiplier.advance(step);
+        if SOFT {
+            self.slack.advance(step);
+            self.slack_multiplier.advance(step);
+        }
     }
 
-    /// Sign, multiplier and stiffness λ/t.
-    pub(crate) fn pressure(&self) -> (f64, f64, f64) {
-        (self.sign, self.multiplier, if self.is_there() { self.multiplier / self.distance } else { 0.0 })
+    /// Sign, multiplier and stiffness λ/t of constraint `i`.
+    pub(crate) fn pressure(&self, i: usize) -> (f64, f64, f64) {
+        let multiplier = self.multiplier.value[i];
+        (self.sign[i], multiplier, multiplier / self.distance.value[i])
     }
 }

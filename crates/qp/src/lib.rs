@@ -24,11 +24,14 @@ mod problem;
 mod responses;
 mod riccati;
 mod solver;
+mod terminal;
 mod validate;
 mod verdict;
+mod watch;
 
 pub use hold::zero_order_hold;
 pub use problem::{Problem, Row, Stage};
 pub use solver::Solver;
+pub use terminal::infinite_horizon_weight;
 pub use validate::{Field, InvalidInput};
 pub use verdict::{ActiveRow, Constraint, Side, Start, Status, Verdict};

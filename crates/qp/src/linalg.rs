@@ -86,11 +86,12 @@ pub(crate) fn add_scaled_blocks(y: &mut [Block], t: f64, x: &[Block]) {
     }
 }
 
-/// Bits in which two vectors differ.
-pub(crate) fn differing_bits<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> u64 {
-    let mut difference = 0;
-    for i in 0..N {
-        difference |= a[i].to_bits() ^ b[i].to_bits();
-    }
-    difference
+/// The larger number; `b` if one is not a number. One instruction, which `f64::max` is not.
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The smaller number; `b` if one is not a number.
+pub(crate) fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
 }

@@ -1,14 +1,15 @@
 //! The numbers of a problem in the order in which the sweeps read them, and what of them is new since the last solve.
 
-use crate::linalg::{Matrix, Vector, differing_bits};
-use crate::problem::{Problem, Stage};
+use crate::linalg::{Matrix, Vector, smaller};
+use crate::problem::{Problem, Row, Stage};
+use crate::riccati::TOLERANCE;
 
 /// What of a problem has the bits of the last one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Sameness {
     /// A, B, Q, R and the terminal weight: what the factorization follows from.
     pub(crate) matrices: bool,
-    /// C and D: what, together with the factorization, the responses follow from.
+    /// C, D and the slack weights: what, together with the factorization, the responses and the factor of M follow from.
     pub(crate) rows: bool,
 }
 
@@ -20,6 +21,22 @@ impl Sameness {
     }
 }
 
+/// Bits in which numbers differ, collected in two words so that they are compared in pairs.
+#[derive(Default)]
+struct Difference([u64; 2]);
+
+impl Difference {
+    fn add<const N: usize>(&mut self, a: &[f64; N], b: &[f64; N]) {
+        for i in 0..N {
+            self.0[i % 2] |= a[i].to_bits() ^ b[i].to_bits();
+        }
+    }
+
+    fn is_none(&self) -> bool {
+        self.0 == [0; 2]
+    }
+}
+
 /// Matrices of a stage as the caller gave them.
 #[derive(Clone, Debug)]
 struct Key<const NX: usize, const NS: usize> {
@@ -28,7 +45,13 @@ struct Key<const NX: usize, const NS: usize> {
     state_weight: Vector<NX>,
     input_weight: f64,
     row_states: Matrix<NS, NX>,
-    row_inputs: [f64; NS],
+    /// D, w1 and w2.
+    row_numbers: Matrix<NS, 3>,
+}
+
+/// The numbers of a row that stand with its C.
+fn numbers<const NX: usize>(row: &Row<NX>) -> [f64; 3] {
+    [row.input, row.l1_weight, row.l2_weight]
 }
 
 impl<const NX: usize, const NS: usize> Key<NX, NS> {
@@ -38,24 +61,23 @@ impl<const NX: usize, const NS: usize> Key<NX, NS> {
         state_weight: [0.0; NX],
         input_weight: 0.0,
         row_states: [[0.0; NX]; NS],
-        row_inputs: [0.0; NS],
+        row_numbers: [[0.0; 3]; NS],
     };
 
-    fn matrix_difference(&self, stage: &Stage<NX, NS>) -> u64 {
-        let mut difference = self.input_weight.to_bits() ^ stage.input_weight.to_bits();
+    fn compare_matrices(&self, stage: &Stage<NX, NS>, difference: &mut Difference) {
         for (line, other) in self.a.iter().zip(&stage.a) {
-            difference |= differing_bits(line, other);
+            difference.add(line, other);
         }
-        difference | differing_bits(&self.b, &stage.b) | differing_bits(&self.state_weight, &stage.state_weight)
+        difference.add(&self.b, &stage.b);
+        difference.add(&self.state_weight, &stage.state_weight);
+        difference.add(&[self.input_weight], &[stage.input_weight]);
     }
 
-    fn row_difference(&self, stage: &Stage<NX, NS>) -> u64 {
-        let mut difference = 0;
+    fn compare_rows(&self, stage: &Stage<NX, NS>, difference: &mut Difference) {
         for (i, row) in stage.rows.iter().enumerate() {
-            difference |= differing_bits(&self.row_states[i], &row.state);
-            difference |= self.row_inputs[i].to_bits() ^ row.input.to_bits();
+            difference.add(&self.row_states[i], &row.state);
+            difference.add(&self.row_numbers[i], &numbers(row));
         }
-        difference
     }
 }
 
@@ -74,6 +96,8 @@ pub(crate) struct StageMirror<const NX: usize, const NS: usize> {
     pub(crate) row_inputs: [f64; NS],
     pub(crate) lower: [f64; NS],
     pub(crate) upper: [f64; NS],
+    /// Violation of each row that counts as none because it is that small beside both bounds.
+    pub(crate) rounding: [f64; NS],
 }
 
 impl<const NX: usize, const NS: usize> StageMirror<NX, NS> {
@@ -87,6 +111,7 @@ impl<const NX: usize, const NS: usize> StageMirror<NX, NS> {
         row_inputs: [0.0; NS],
         lower: [0.0; NS],
         upper: [0.0; NS],
+        rounding: [0.0; NS],
     };
 
     fn copy_vectors(&mut self, stage: &Stage<NX, NS>) {
@@ -98,6 +123,7 @@ impl<const NX: usize, const NS: usize> StageMirror<NX, NS> {
         for (i, row) in stage.rows.iter().enumerate() {
             self.lower[i] = row.lower;
             self.upper[i] = row.upper;
+            self.rounding[i] = TOLERANCE * smaller(row.lower.abs(), row.upper.abs());
         }
     }
 
@@ -136,6 +162,11 @@ impl<const NX: usize, const NS: usize> Mirror<NX, NS> {
         }
     }
 
+    /// Whether there is a last problem.
+    pub(crate) fn is_valid(&self) -> bool {
+        self.valid
+    }
+
     pub(crate) fn forget(&mut self) {
         self.valid = false;
     }
@@ -145,18 +176,18 @@ impl<const NX: usize, const NS: usize> Mirror<NX, NS> {
         if !self.valid || self.keys.len() != problem.stages.len() {
             return Sameness::NONE;
         }
-        let (mut matrices, mut rows) = (0, 0);
+        let (mut matrices, mut rows) = (Difference::default(), Difference::default());
         for (line, other) in self.terminal_weight.iter().zip(&problem.terminal_weight) {
-            matrices |= differing_bits(line, other);
+            matrices.add(line, other);
         }
         for (key, stage) in self.keys.iter().zip(&problem.stages) {
-            matrices |= key.matrix_difference(stage);
-            rows |= key.row_difference(stage);
-            if matrices != 0 {
+            key.compare_matrices(stage, &mut matrices);
+            key.compare_rows(stage, &mut rows);
+            if !matrices.is_none() {
                 return Sameness::NONE;
             }
         }
-        Sameness { matrices: true, rows: rows == 0 }
+        Sameness { matrices: true, rows: rows.is_none() }
     }
 
     /// Takes the problem over; its matrices only where they are not the `same`.
@@ -176,7 +207,7 @@ impl<const NX: usize, const NS: usize> Mirror<NX, NS> {
                 state_weight: stage.state_weight,
                 input_weight: stage.input_weight,
                 row_states: stage.rows.map(|row| row.state),
-                row_inputs: stage.rows.map(|row| row.input),
+                row_numbers: stage.rows.map(|row| numbers(&row)),
             };
         }
         self.valid = true;

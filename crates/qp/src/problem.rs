@@ -87,7 +87,7 @@ pub struct Problem<const NX: usize, const NS: usize> {
     /// Hard upper bound of every input, at least `input_min`; infinity for none.
     pub input_max: f64,
     /// T of the terminal cost ½ (x_N − xr_N)' T (x_N − xr_N), which comes on top of Q_N: symmetric and at least 0; zero for
-    /// none.
+    /// none. [`crate::infinite_horizon_weight`] gives one that stands for all the time after the horizon.
     pub terminal_weight: [[f64; NX]; NX],
     /// Stages 0 to N-1.
     pub stages: Vec<Stage<NX, NS>>,

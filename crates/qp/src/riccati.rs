@@ -1,8 +1,12 @@
 //! Riccati factorization of the cost in the inputs, and the sweeps that use it (docs/qp.md, Eqs. 3 to 8).
 
-use crate::linalg::{Block, Matrix, Vector, add_product, add_scaled, inner, product, transpose_product};
+use crate::linalg::{Block, Matrix, Vector, add_product, add_scaled, inner, larger, product, transpose_product};
 use crate::mirror::StageMirror;
 use crate::problem::{Problem, Row, Stage};
+use crate::terminal::with_diagonal;
+
+/// Violation that counts as none, relative to the terms a constraint is summed from: some thousand rounding errors.
+pub(crate) const TOLERANCE: f64 = 1e-12;
 
 /// What the backward recursion leaves at stage k.
 #[derive(Clone, Debug)]
@@ -28,8 +32,11 @@ pub(crate) struct Trajectory<const NX: usize, const NS: usize> {
     pub(crate) states: Vec<Vector<NX>>,
     /// Values of the rows of each stage.
     pub(crate) values: Vec<[f64; NS]>,
-    /// Whether a stage keeps all its bounds.
+    /// Whether a stage keeps all its bounds but for rounding, and whether all do.
     pub(crate) kept: Vec<bool>,
+    pub(crate) all_kept: bool,
+    /// Whether all inputs are finite.
+    pub(crate) finite: bool,
     /// Largest violation of a row; 0 if there is none.
     pub(crate) slack_max: f64,
     /// Largest magnitude of each state from `x_0` to x_{N-1}, and of the inputs.
@@ -44,6 +51,8 @@ impl<const NX: usize, const NS: usize> Trajectory<NX, NS> {
             states: vec![[0.0; NX]; horizon + 1],
             values: vec![[0.0; NS]; horizon],
             kept: vec![true; horizon],
+            all_kept: true,
+            finite: true,
             slack_max: 0.0,
             state_scale: [0.0; NX],
             input_scale: 0.0,
@@ -72,23 +81,15 @@ impl<const NX: usize> Riccati<NX> {
 
     /// Eq. 3, from the last stage to the first.
     pub(crate) fn factor<const NS: usize>(&mut self, problem: &Problem<NX, NS>) {
-        let mut cost_to_go = problem.terminal_weight;
+        let mut next = problem.terminal_weight;
         for (factor, stage) in self.stages.iter_mut().zip(&problem.stages).rev() {
-            for (i, weight) in stage.state_weight.iter().enumerate() {
-                cost_to_go[i][i] += weight;
-            }
-            let pb = add_product([0.0; NX], &cost_to_go, &stage.b);
-            let curvature = stage.input_weight + inner(&stage.b, &pb);
-            let gain = transpose_product(&stage.a, &pb).map(|v| v / curvature);
-            let mut closed_loop = stage.a;
-            for (row, b) in closed_loop.iter_mut().zip(&stage.b) {
-                *row = add_scaled(*row, -b, &gain);
-            }
-            let next = symmetric_step(&cost_to_go, &closed_loop, &gain, stage.input_weight);
-            let inverse_root = (1.0 / curvature).sqrt();
+            let cost_to_go = with_diagonal(next, &stage.state_weight);
+            let (step, cost) = backward_step((&stage.a, &stage.b), &cost_to_go, stage.input_weight);
+            let inverse_root = (1.0 / step.curvature).sqrt();
             let scaled_b = stage.b.map(|v| v * inverse_root);
+            let BackwardStep { gain, closed_loop, .. } = step;
             *factor = StageFactor { cost_to_go, gain, closed_loop, inverse_root, scaled_b };
-            cost_to_go = next;
+            next = cost;
         }
     }
 
@@ -124,19 +125,24 @@ impl<const NX: usize> Riccati<NX> {
         out: &mut Trajectory<NX, NS>,
     ) {
         let mut x = out.states[0];
-        let (mut state_scale, mut input_scale, mut excess_max) = ([0.0; NX], 0.0, [0.0; NS]);
+        let (mut state_scale, mut input_scale, mut excess_max, mut taint) = ([0.0; NX], 0.0, [0.0; NS], 0.0);
+        let mut all_kept = true;
         let outputs = out.inputs.iter_mut().zip(&mut out.states[1..]).zip(out.values.iter_mut().zip(&mut out.kept));
         let inputs = self.stages.iter().zip(mirror).zip(rho.as_flattened());
         for (((factor, stage), rho), ((input, next), (values, kept))) in inputs.zip(outputs) {
             let u = -rho * factor.inverse_root - inner(&factor.gain, &x);
             *input = u;
             *values = stage.values(&x, u);
-            *kept = (u <= input_max) & (u >= input_min);
+            let mut keeps = u <= input_max;
+            keeps &= u >= input_min;
             for i in 0..NS {
                 let excess = larger(values[i] - stage.upper[i], stage.lower[i] - values[i]);
-                *kept &= excess <= 0.0;
+                keeps &= excess <= stage.rounding[i];
                 excess_max[i] = larger(excess, excess_max[i]);
             }
+            *kept = keeps;
+            all_kept &= keeps;
+            taint += u * 0.0;
             for i in 0..NX {
                 state_scale[i] = larger(x[i].abs(), state_scale[i]);
             }
@@ -145,6 +151,8 @@ impl<const NX: usize> Riccati<NX> {
             *next = x;
         }
         (out.state_scale, out.input_scale) = (state_scale, input_scale);
+        out.all_kept = all_kept;
+        out.finite = taint == 0.0;
         out.slack_max = excess_max.into_iter().fold(0.0, larger);
     }
 
@@ -168,14 +176,9 @@ impl<const NX: usize> Riccati<NX> {
     }
 }
 
-/// The larger number; `b` if one is not a number. One instruction, which `f64::max` is not.
-fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
 impl<const NX: usize, const NS: usize> StageMirror<NX, NS> {
     /// Values of the rows at (x, u), all side by side.
-    fn values(&self, x: &Vector<NX>, u: f64) -> [f64; NS] {
+    pub(crate) fn values(&self, x: &Vector<NX>, u: f64) -> [f64; NS] {
         let mut values = self.row_inputs.map(|d| d * u);
         for (column, x) in self.row_columns.iter().zip(x) {
             values = add_scaled(values, *x, column);
@@ -184,13 +187,37 @@ impl<const NX: usize, const NS: usize> StageMirror<NX, NS> {
     }
 
     /// A x + B u + c, with the bits of [`step`].
-    fn step(&self, x: &Vector<NX>, u: f64) -> Vector<NX> {
+    pub(crate) fn step(&self, x: &Vector<NX>, u: f64) -> Vector<NX> {
         let mut next = self.c;
         for (column, x) in self.a_columns.iter().zip(x) {
             next = add_scaled(next, *x, column);
         }
         add_scaled(next, u, &self.b)
     }
+}
+
+/// What one step of the backward recursion finds beside the cost.
+pub(crate) struct BackwardStep<const NX: usize> {
+    curvature: f64,
+    gain: Vector<NX>,
+    closed_loop: Matrix<NX, NX>,
+}
+
+/// Eq. 3: S, K and L, and the cost L'P L + K'R K at the start of the step, for (A, B), P and R.
+pub(crate) fn backward_step<const NX: usize>(
+    (a, b): (&Matrix<NX, NX>, &Vector<NX>),
+    cost_to_go: &Matrix<NX, NX>,
+    input_weight: f64,
+) -> (BackwardStep<NX>, Matrix<NX, NX>) {
+    let pb = add_product([0.0; NX], cost_to_go, b);
+    let curvature = input_weight + inner(b, &pb);
+    let gain = transpose_product(a, &pb).map(|v| v / curvature);
+    let mut closed_loop = *a;
+    for (row, b) in closed_loop.iter_mut().zip(b) {
+        *row = add_scaled(*row, -b, &gain);
+    }
+    let cost = symmetric_step(cost_to_go, &closed_loop, &gain, input_weight);
+    (BackwardStep { curvature, gain, closed_loop }, cost)
 }
 
 /// L'P L + K'R K with L = A - B K: a sum of squares, so that rounding cannot make it indefinite (Joseph's form).

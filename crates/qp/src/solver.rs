@@ -6,9 +6,10 @@ use crate::linalg::{Block, LANES, add_scaled_blocks};
 use crate::mirror::{Mirror, Sameness};
 use crate::problem::{Problem, Row};
 use crate::responses::{Place, Responses};
-use crate::riccati::{Riccati, Trajectory, row_value, step};
+use crate::riccati::{Riccati, TOLERANCE, Trajectory, row_value, step};
 use crate::validate::validate;
 use crate::verdict::{ActiveRow, Constraint, Side, Start, Status, Verdict};
+use crate::watch::Watch;
 
 /// Newton steps of one solve. Sequences of control problems stay below 30; the hardest made-up ones need some hundred.
 const ITERATION_BUDGET: u32 = 600;
@@ -17,8 +18,6 @@ const ITERATION_BUDGET: u32 = 600;
 const WORK_BUDGET: usize = 1000;
 /// How much stiffer than the cost a barrier must have become to count as active.
 const STIFF: f64 = 3e4;
-/// Violation that counts as none, relative to the terms a constraint is summed from: some thousand rounding errors.
-const TOLERANCE: f64 = 1e-12;
 /// Violation of the active constraints that counts as none if another step leaves it as it is.
 const SETTLED: f64 = 1e-10;
 /// A solve ends as solved below this residual: rounding can keep ill-scaled problems above `TOLERANCE`.
@@ -29,6 +28,13 @@ const SETTLING: f64 = 1e-6;
 const RENEWALS: u32 = 2;
 /// Candidates that gain less than this share of the best one wait for a later round.
 const ENTRY_SHARE: f64 = 0.05;
+/// Constraints to change beyond which the interior point is asked at once.
+const HOPELESS: usize = 24;
+/// Steps before which nothing is hopeless that begins without active set.
+const FIRST_STEPS: u32 = 8;
+/// Number of constraints taken over from the last solve, times the largest relative violation among them, beyond which it is
+/// asked at once, too.
+const FAR_OFF: f64 = 20.0;
 /// Candidates that enter in one round at most.
 const ENTRIES: usize = 2;
 /// Newton steps after which only the best one enters.
@@ -75,8 +81,9 @@ pub struct Solver<const NX: usize, const NS: usize> {
     scratch: Vec<Block>,
     interior: Interior<NX, NS>,
     iterations: u32,
-    /// What is left of the work before the interior point is asked; without end once it was.
+    /// What is left of the work before the interior point is asked, and whether it was.
     work: usize,
+    asked: bool,
 }
 
 impl<const NX: usize, const NS: usize> Solver<NX, NS> {
@@ -97,6 +104,7 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             interior: Interior::new(horizon),
             iterations: 0,
             work: 0,
+            asked: false,
         }
     }
 
@@ -130,10 +138,42 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
         })
     }
 
+    /// Slope of `u_0` in `x_0` while the active set stays as it is after the last solve (docs/qp.md, Eq. 13); zeros if there
+    /// was none.
+    pub fn feedback(&mut self) -> [f64; NX] {
+        let Some((mut feedback, root)) = self.riccati.first_gain().filter(|_| self.mirror.is_valid()) else {
+            return [0.0; NX];
+        };
+        self.active.factor(&mut self.responses);
+        for (weight, item) in self.scratch.as_flattened_mut().iter_mut().zip(&self.active.items) {
+            *weight = item.sign * self.responses.response(item.place)[0][0];
+        }
+        self.active.solve(&mut self.scratch);
+        for (weight, item) in self.scratch.as_flattened().iter().zip(&self.active.items) {
+            for (f, slope) in feedback.iter_mut().zip(self.responses.initial_slope(item.place)) {
+                *f -= root * weight * item.sign * slope;
+            }
+        }
+        if feedback.iter().all(|f| f.is_finite()) { feedback } else { [0.0; NX] }
+    }
+
     /// Solves `problem`. Invalid input is detected before any arithmetic and leaves the solver as after [`Self::reset`].
-    pub fn solve(&mut self, problem: &Problem<NX, NS>, start: Start) -> Verdict<NX> {
+    pub fn solve(&mut self, problem: &Problem<NX, NS>, start: Start) -> Verdict {
+        self.solve_until(problem, start, || false)
+    }
+
+    /// The same, but ends as [`Status::OutOfTime`] once `out_of_time` says so, which is asked before every step of the active set
+    /// and every iteration of the interior point; one sweep over the stages comes first. With a clock behind it the answer
+    /// depends on the machine; with a counter it is the same everywhere.
+    pub fn solve_until(
+        &mut self,
+        problem: &Problem<NX, NS>,
+        start: Start,
+        mut out_of_time: impl FnMut() -> bool,
+    ) -> Verdict {
         self.iterations = 0;
         self.work = WORK_BUDGET;
+        self.asked = false;
         let same = self.mirror.compare(problem);
         if let Err(error) = validate(problem, self.horizon, same) {
             self.reset();
@@ -141,8 +181,9 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
         }
         self.prepare(problem, same);
         self.carry(problem, start);
-        let rest = self.maximize_dual(problem);
-        self.finish(problem, &rest)
+        let mut watch = Watch::new(&mut out_of_time);
+        let rest = self.maximize_dual(problem, &mut watch);
+        self.finish(problem, &rest, watch.was_over())
     }
 
     /// Brings everything that does not depend on the active set up to date with `problem`.
@@ -218,7 +259,7 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     }
 
     /// Raises the dual until no constraint is violated; returns what is left, active constraints included.
-    fn maximize_dual(&mut self, problem: &Problem<NX, NS>) -> Price {
+    fn maximize_dual(&mut self, problem: &Problem<NX, NS>, watch: &mut Watch) -> Price {
         let mut before = f64::INFINITY;
         let mut renewals = 0;
         loop {
@@ -233,14 +274,15 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             let price = if stalled || held <= SETTLING { self.price(problem, held) } else { NOT_PRICED };
             let optimal =
                 price.gain == 0.0 && (held <= TOLERANCE || (stalled && (held <= SETTLED || renewals == RENEWALS)));
-            if !optimal && self.work == 0 {
-                self.work = usize::MAX;
-                if self.propose(problem) {
+            if !optimal && !self.asked && (self.work == 0 || self.is_hopeless(held, &price)) {
+                self.asked = true;
+                if self.propose(problem, watch) {
                     before = f64::INFINITY;
                     continue;
                 }
             }
-            if optimal || self.iterations >= ITERATION_BUDGET {
+            if optimal || self.iterations >= ITERATION_BUDGET || watch.is_over() {
+                let price = if price.slack_max.is_finite() { price } else { self.price(problem, held) };
                 return Price { violation: held.max(price.violation), ..price };
             }
             if price.gain > 0.0 {
@@ -251,13 +293,23 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
                 renewals += 1;
                 before = f64::INFINITY;
             }
-            self.ascend();
+            self.ascend(watch);
         }
     }
 
+    /// Whether so much is wrong that the active set would have to change nearly everywhere.
+    fn is_hopeless(&self, held: f64, price: &Price) -> bool {
+        if price.gain > 0.0 {
+            // The first that enter may settle most of the others.
+            let violated = self.candidates.iter().filter(|candidate| candidate.gain > 0.0).count();
+            return self.iterations >= FIRST_STEPS && violated > HOPELESS;
+        }
+        self.iterations == 0 && held * self.active.items.len() as f64 > FAR_OFF
+    }
+
     /// Replaces the active set by the one that the interior point finds; false if it finds none.
-    fn propose(&mut self, problem: &Problem<NX, NS>) -> bool {
-        if !self.interior.solve(problem, &self.trajectory.inputs) {
+    fn propose(&mut self, problem: &Problem<NX, NS>, watch: &mut Watch) -> bool {
+        if !self.interior.solve((problem, &self.mirror.stages), &self.trajectory.inputs, watch) {
             return false;
         }
         self.active.clear();
@@ -272,12 +324,12 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     }
 
     /// Newton steps on the dual until one ends at the maximum over the active set.
-    fn ascend(&mut self) {
-        while self.iterations < ITERATION_BUDGET && self.work > 0 {
+    fn ascend(&mut self, watch: &mut Watch) {
+        while self.iterations < ITERATION_BUDGET && (self.asked || self.work > 0) {
             self.iterations += 1;
             self.work = self.work.saturating_sub(self.active.items.len());
             self.active.factor(&mut self.responses);
-            if self.active.walk() == Walk::Full {
+            if self.active.walk() == Walk::Full || watch.is_over() {
                 return;
             }
         }
@@ -311,7 +363,7 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
                 return f64::INFINITY;
             }
         }
-        if self.trajectory.inputs.iter().all(|u| u.is_finite()) { worst } else { f64::INFINITY }
+        if self.trajectory.finite { worst } else { f64::INFINITY }
     }
 
     /// Value of a constraint on the present trajectory.
@@ -331,6 +383,9 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     fn price(&mut self, problem: &Problem<NX, NS>, held: f64) -> Price {
         let threshold = TOLERANCE.max(10.0 * held);
         let mut price = Price { slack_max: self.trajectory.slack_max, ..NOT_PRICED };
+        if self.trajectory.all_kept {
+            return price;
+        }
         for stage in 0..self.horizon {
             self.candidates[stage].gain = 0.0;
             if !self.trajectory.kept[stage] {
@@ -394,7 +449,7 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
     }
 
     /// Moves the inputs into their bounds and judges what has been reached.
-    fn finish(&mut self, problem: &Problem<NX, NS>, rest: &Price) -> Verdict<NX> {
+    fn finish(&mut self, problem: &Problem<NX, NS>, rest: &Price, out_of_time: bool) -> Verdict {
         let residual = rest.violation;
         if !residual.is_finite() {
             self.active.clear();
@@ -404,8 +459,12 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             self.roll_out(problem);
             slack_max = self.slack_max(problem);
         }
-        let status = if residual <= ACCEPTED { Status::Solved } else { Status::IterationLimit };
-        Verdict { slack_max, feedback: self.feedback(), ..self.verdict(status, residual) }
+        let status = match (residual <= ACCEPTED, out_of_time) {
+            (true, _) => Status::Solved,
+            (false, true) => Status::OutOfTime,
+            (false, false) => Status::IterationLimit,
+        };
+        Verdict { slack_max, ..self.verdict(status, residual) }
     }
 
     /// Moves the inputs to their active bounds, which they meet but for rounding, and within the others; true if one moved.
@@ -433,14 +492,13 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
         }
     }
 
-    fn verdict(&self, status: Status, kkt_residual: f64) -> Verdict<NX> {
+    fn verdict(&self, status: Status, kkt_residual: f64) -> Verdict {
         Verdict {
             status,
             iterations: self.iterations,
             active: self.active.items.len() as u32,
             slack_max: 0.0,
             kkt_residual,
-            feedback: [0.0; NX],
         }
     }
 
@@ -453,21 +511,5 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             }
         }
         worst
-    }
-
-    /// Slope of `u_0` in `x_0` (docs/qp.md, Eq. 13).
-    fn feedback(&mut self) -> [f64; NX] {
-        let Some((mut feedback, root)) = self.riccati.first_gain() else { return [0.0; NX] };
-        self.active.factor(&mut self.responses);
-        for (weight, item) in self.scratch.as_flattened_mut().iter_mut().zip(&self.active.items) {
-            *weight = item.sign * self.responses.response(item.place)[0][0];
-        }
-        self.active.solve(&mut self.scratch);
-        for (weight, item) in self.scratch.as_flattened().iter().zip(&self.active.items) {
-            for (f, slope) in feedback.iter_mut().zip(self.responses.initial_slope(item.place)) {
-                *f -= root * weight * item.sign * slope;
-            }
-        }
-        if feedback.iter().all(|f| f.is_finite()) { feedback } else { [0.0; NX] }
     }
 }

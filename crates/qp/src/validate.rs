@@ -117,9 +117,7 @@ pub(crate) fn validate<const NX: usize, const NS: usize>(
     for stage in &problem.stages {
         valid &= same.matrices || has_valid_matrices(stage, &mut taint);
         valid &= has_valid_vectors(stage, &mut taint);
-        if !same.rows {
-            stage.rows.iter().for_each(|row| taint.add_row(row));
-        }
+        valid &= same.rows || has_valid_rows(stage, &mut taint);
     }
     if valid && taint.is_clean() {
         return Ok(());
@@ -138,17 +136,12 @@ impl Taint {
         }
     }
 
-    fn add_row<const NX: usize>(&mut self, row: &Row<NX>) {
-        self.add(&row.state);
-        self.add(&[row.input]);
-    }
-
     fn is_clean(&self) -> bool {
         self.0 == [0.0; 4]
     }
 }
 
-/// The answer of [`validate_stage`] without its reason and nearly without branches, together with the next one: all stages
+/// The answer of [`validate_stage`] without its reason and nearly without branches, together with the next two: all stages
 /// of all problems pass here.
 fn has_valid_matrices<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, taint: &mut Taint) -> bool {
     for line in &stage.a {
@@ -164,21 +157,32 @@ fn has_valid_matrices<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, t
     valid
 }
 
+fn has_valid_rows<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, taint: &mut Taint) -> bool {
+    let mut valid = true;
+    for row in &stage.rows {
+        taint.add(&row.state);
+        taint.add(&[row.input, row.l1_weight, row.l2_weight]);
+        valid &= row.l1_weight >= 0.0;
+        valid &= row.l2_weight > 0.0;
+    }
+    valid
+}
+
 fn has_valid_vectors<const NX: usize, const NS: usize>(stage: &Stage<NX, NS>, taint: &mut Taint) -> bool {
     taint.add(&stage.c);
     taint.add(&stage.state_reference);
+    taint.add(&[stage.input_reference]);
     let mut valid = true;
     for row in &stage.rows {
-        // Comparisons with NaN are false.
-        valid &= (row.l1_weight >= 0.0) & (row.l1_weight < f64::INFINITY);
-        valid &= (row.l2_weight > 0.0) & (row.l2_weight < f64::INFINITY);
-        valid &= (row.lower <= row.upper) & (row.lower < f64::INFINITY) & (row.upper > f64::NEG_INFINITY);
+        // The difference of two equal infinities is not a number, and that of two unequal ones of the wrong order negative.
+        valid &= row.upper - row.lower >= 0.0;
     }
-    taint.add(&[stage.input_reference]);
     valid
 }
 
 /// Whether elimination meets no pivot below zero, but for rounding.
+// Indices as in the elimination.
+#[allow(clippy::needless_range_loop)]
 fn is_semidefinite<const N: usize>(mut matrix: Matrix<N, N>) -> bool {
     let trace: f64 = (0..N).map(|i| matrix[i][i]).sum();
     let tolerance = DEFINITENESS_TOLERANCE * trace;

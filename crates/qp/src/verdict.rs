@@ -19,6 +19,9 @@ pub enum Status {
     /// At the iteration budget, or where numbers left the range of f64 (the KKT residual is infinite then).
     /// The inputs are the last iterate, moved into the input bounds.
     IterationLimit,
+    /// Where the time was up ([`crate::Solver::solve_until`]), before the optimum. The inputs are the last iterate, moved into
+    /// the input bounds.
+    OutOfTime,
     /// Nowhere: the problem was refused, and the solver is as after [`crate::Solver::reset`].
     InvalidInput(InvalidInput),
 }
@@ -26,7 +29,7 @@ pub enum Status {
 /// The outcome of a solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
-pub struct Verdict<const NX: usize> {
+pub struct Verdict {
     /// How the solve ended.
     pub status: Status,
     /// Steps along the dual; those of the interior point are not among them.
@@ -38,8 +41,6 @@ pub struct Verdict<const NX: usize> {
     /// Largest violation of a constraint beyond its slack, relative to the size of the terms it is made of. The other
     /// optimality conditions hold by construction.
     pub kkt_residual: f64,
-    /// Slope of `u_0` in `x_0` while the active set stays as it is.
-    pub feedback: [f64; NX],
 }
 
 /// Which constraint of a stage.

@@ -47,7 +47,7 @@ pub struct SolveSummary {
 }
 
 impl SolveSummary {
-    pub(crate) fn new<const NX: usize>(verdict: &Verdict<NX>) -> Self {
+    pub(crate) fn new(verdict: &Verdict) -> Self {
         Self {
             // Where many constraints meet in one point the last digits may stay open at the iteration budget.
             solved: verdict.status == Status::Solved || verdict.kkt_residual <= ACCEPTED_RESIDUAL,

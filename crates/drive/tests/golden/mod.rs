@@ -10,7 +10,7 @@ use lanecraft_drive::traffic::{ExternalBody, World};
 use lanecraft_net::random::Stream;
 
 pub(crate) const TRAFFIC_DIGEST: u64 = 0x6911_838d_d06c_5f77;
-pub(crate) const CLOSED_LOOP_DIGEST: u64 = 0x231b_9b59_d91d_5965;
+pub(crate) const CLOSED_LOOP_DIGEST: u64 = 0xdbc7_a17d_6124_d941;
 
 /// Cars and trucks around an ego that drives straight on, some of them braking in full.
 pub(crate) fn traffic_digest() -> u64 {

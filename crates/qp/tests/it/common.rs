@@ -2,7 +2,7 @@
 // Indices as in the equations.
 #![allow(clippy::needless_range_loop)]
 
-use lanecraft_qp::{Problem, Row};
+use lanecraft_qp::{Problem, Row, Solver, Verdict};
 
 /// `SplitMix64`, so that the tests need no crate for it.
 pub(crate) struct Random(pub(crate) u64);
@@ -117,4 +117,14 @@ pub(crate) fn cost<const NX: usize, const NS: usize>(problem: &Problem<NX, NS>, 
         }
     }
     cost
+}
+
+/// Everything that an answer consists of.
+pub(crate) fn bits<const NX: usize, const NS: usize>(solver: &mut Solver<NX, NS>, verdict: &Verdict) -> Vec<u64> {
+    let feedback = solver.feedback();
+    let states = solver.states().iter().flatten();
+    let active = solver.active_rows().flat_map(|a| [a.stage as f64, a.multiplier, a.slack]).collect::<Vec<_>>();
+    let numbers = solver.inputs().iter().chain(states).chain(&active).chain(&feedback).map(|v| v.to_bits());
+    let judged = [u64::from(verdict.iterations), verdict.kkt_residual.to_bits(), verdict.slack_max.to_bits()];
+    numbers.chain(judged).collect()
 }

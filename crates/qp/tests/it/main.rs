@@ -7,4 +7,6 @@ mod optimality;
 mod oracle;
 mod recovery;
 mod second_source;
+mod terminal;
+mod time_limit;
 mod warm_start;
