@@ -38,6 +38,8 @@ const SHORTEST_OWN_S: f64 = 10.0;
 const RESAMPLES: u64 = 1000;
 /// Resamples of drivers that the common parameters are fitted to again.
 const REFITS: u64 = 100;
+/// Episodes that are shown.
+const SHOWN: usize = 4;
 /// A driver's parameter this near to an end of its range, in shares of it, was not found but stopped there.
 const WALL: f64 = 0.01;
 
@@ -183,17 +185,6 @@ pub fn calibrate_sites(sites: &[TrafficSite]) -> Result<Calibration, CalibrateEr
     let traffic = traffic(&parameters);
     traffic.validate()?;
     let lane_changes = lane_changes::recorded(sites);
-    let density_veh_per_km_lane = lane_changes.density_veh_per_km_lane.min(200.0);
-    let simulate = |traffic: &TrafficConfig| {
-        lane_changes::simulated(&TrafficConfig { density_veh_per_km_lane, ..traffic.clone() })
-    };
-    let own_law = |p: &[f64; 5]| Law::Model(CarFollowing::Idm, idm_params(*p));
-    let mut own_errors = Errors::default();
-    for (episodes, p) in long_drivers.iter().zip(&own) {
-        episodes.iter().for_each(|episode| own_errors += own_law(p).errors(episode));
-    }
-    // Evenly over the drivers, whose order has nothing to do with how well they fit.
-    let shown = long_drivers.iter().zip(&own).step_by(long_drivers.len().div_ceil(4));
     Ok(Calibration {
         sites: sites.iter().map(|site| site.name.clone()).collect(),
         sites_used: by_site.len(),
@@ -201,14 +192,34 @@ pub fn calibrate_sites(sites: &[TrafficSite]) -> Result<Calibration, CalibrateEr
         episodes: all.len(),
         duration_s: all.iter().map(|episode| episode.duration_s()).sum(),
         judged: judge(&all, &by_site),
-        own_gap_rmse_m: own_errors.gap_rmse_m(),
-        shown: shown.map(|(episodes, p)| Shown { episode: episodes[0].clone(), own: own_law(p) }).collect(),
-        law: own_law(&pooled),
-        model_traffic: [simulate(&TrafficConfig::default())?, simulate(&traffic)?],
+        own_gap_rmse_m: total(long_drivers.iter().zip(&own).map(|(episodes, p)| sum(&idm(*p), episodes))).gap_rmse_m(),
+        shown: shown(&long_drivers, &own),
+        law: idm(pooled),
+        model_traffic: model_traffic(&lane_changes, &traffic)?,
         lane_changes,
         parameters,
         traffic,
     })
+}
+
+/// IDM with v₀, T, s₀, a and b.
+fn idm(parameters: [f64; 5]) -> Law {
+    Law::Model(CarFollowing::Idm, idm_params(parameters))
+}
+
+/// Evenly over the drivers, whose order has nothing to do with how well they fit.
+fn shown(drivers: &[Vec<&Episode>], own: &[[f64; 5]]) -> Vec<Shown> {
+    let some = drivers.iter().zip(own).step_by(drivers.len().div_ceil(SHOWN));
+    some.map(|(episodes, p)| Shown { episode: episodes[0].clone(), own: idm(*p) }).collect()
+}
+
+/// The default and the calibrated traffic at the recorded density.
+fn model_traffic(recorded: &LaneChanges, calibrated: &TrafficConfig) -> Result<[ModelTraffic; 2], ScenarioError> {
+    let density_veh_per_km_lane = recorded.density_veh_per_km_lane.min(200.0);
+    let simulate = |traffic: &TrafficConfig| {
+        lane_changes::simulated(&TrafficConfig { density_veh_per_km_lane, ..traffic.clone() })
+    };
+    Ok([simulate(&TrafficConfig::default())?, simulate(calibrated)?])
 }
 
 /// The episodes of each driver, by site and vehicle.
@@ -221,7 +232,7 @@ fn by_driver<'a>(episodes: &[&'a Episode]) -> Vec<Vec<&'a Episode>> {
 }
 
 /// As many drivers drawn with replacement, by number of the resample.
-fn resample<'a, T>(drivers: &'a [T], number: u64) -> impl Iterator<Item = &'a T> {
+fn resample<T>(drivers: &[T], number: u64) -> impl Iterator<Item = &T> {
     let mut stream = Stream::keyed(0, "calibrate.bootstrap", number, 0);
     (0..drivers.len()).map(move |_| &drivers[stream.below(drivers.len())])
 }
@@ -302,8 +313,8 @@ fn rounded(value: f64) -> f64 {
 /// Every law on the sites that it has not seen.
 fn judge(episodes: &[&Episode], sites: &[usize]) -> Vec<Judged> {
     let fitted = [
-        ("idm, fitted", Kind::Idm),
-        ("enhanced-idm, fitted", Kind::EnhancedIdm),
+        ("idm, fitted", Kind::Model(CarFollowing::Idm)),
+        ("enhanced-idm, fitted", Kind::Model(CarFollowing::EnhancedIdm)),
         ("constant headway, fitted", Kind::ConstantHeadway),
     ];
     let default = default_law();
@@ -324,7 +335,7 @@ fn default_law() -> Law {
     };
     let t = TrafficConfig::default();
     let distributions = [t.desired_speed_mps, t.time_headway_s, t.min_gap_m, t.max_accel_mps2, t.comfort_decel_mps2];
-    Law::Model(CarFollowing::Idm, idm_params(distributions.map(middle)))
+    idm(distributions.map(middle))
 }
 
 /// Errors of each driver under the law that was fitted to the other sites.
@@ -338,23 +349,19 @@ fn left_out(episodes: &[&Episode], sites: &[usize], kind: Kind) -> Vec<Errors> {
     sites.par_iter().flat_map_iter(of_site).collect()
 }
 
-fn sum<'a>(law: &Law, episodes: impl IntoIterator<Item = &'a &'a Episode>) -> Errors {
-    let mut errors = Errors::default();
-    for episode in episodes {
-        errors += law.errors(episode);
-    }
-    errors
+fn sum(law: &Law, episodes: &[&Episode]) -> Errors {
+    total(episodes.iter().map(|episode| law.errors(episode)))
+}
+
+fn total(errors: impl Iterator<Item = Errors>) -> Errors {
+    let mut total = Errors::default();
+    errors.for_each(|errors| total += errors);
+    total
 }
 
 fn judged(law: &'static str, drivers: &[Errors]) -> Judged {
-    let total = |errors: &mut dyn Iterator<Item = &Errors>| {
-        errors.fold(Errors::default(), |mut total, errors| {
-            total += *errors;
-            total
-        })
-    };
-    let all = total(&mut drivers.iter());
-    let resamples: Vec<Errors> = (0..RESAMPLES).map(|number| total(&mut resample(drivers, number))).collect();
+    let all = total(drivers.iter().copied());
+    let resamples: Vec<Errors> = (0..RESAMPLES).map(|number| total(resample(drivers, number).copied())).collect();
     let figure = |of: fn(&Errors) -> f64| {
         let mut values: Vec<f64> = resamples.iter().map(of).collect();
         values.sort_by(f64::total_cmp);

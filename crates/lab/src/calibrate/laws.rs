@@ -145,10 +145,8 @@ impl AddAssign for Errors {
 /// A kind of law that is fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// The Intelligent Driver Model.
-    Idm,
-    /// The enhanced one.
-    EnhancedIdm,
+    /// A model of the traffic.
+    Model(CarFollowing),
     /// The linear law of constant time headway.
     ConstantHeadway,
 }
@@ -173,11 +171,7 @@ impl Kind {
     /// The law of this kind with the least mixed error over the episodes.
     pub fn fit(self, episodes: &[&Episode]) -> Law {
         match self {
-            Self::Idm => Law::Model(CarFollowing::Idm, idm_params(fit_model(CarFollowing::Idm, episodes, IDM_START))),
-            Self::EnhancedIdm => {
-                let model = CarFollowing::EnhancedIdm;
-                Law::Model(model, idm_params(fit_model(model, episodes, IDM_START)))
-            }
+            Self::Model(model) => Law::Model(model, idm_params(fit_model(model, episodes, IDM_START))),
             Self::ConstantHeadway => constant_headway(
                 minimize(&HEADWAY_RANGES, HEADWAY_START, |p| mixed(&constant_headway(*p), episodes)).point,
             ),
