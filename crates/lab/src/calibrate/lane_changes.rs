@@ -59,8 +59,8 @@ pub(super) fn recorded(sites: &[TrafficSite]) -> LaneChanges {
             spaces += positions_m.len() as f64 - 1.0;
         }
         for track in &site.tracks {
-            let [first, .., last] = &track.points[..] else { continue };
-            found.vehicle_km += (last.s_m - first.s_m) / 1000.0;
+            let steps = track.points.windows(2).filter(|pair| unbroken(pair));
+            found.vehicle_km += steps.map(|pair| pair[1].s_m - pair[0].s_m).sum::<f64>() / 1000.0;
             speeds_mps += track.points.iter().map(|point| point.speed_mps).sum::<f64>();
             points += track.points.len() as f64;
             for change in changes(track) {
@@ -84,8 +84,14 @@ fn changes(track: &TrafficTrack) -> impl Iterator<Item = &TrafficPoint> {
     let windows = track.points.windows(2 * SETTLED_FRAMES);
     windows.filter_map(move |window| {
         let (before, after) = window.split_at(SETTLED_FRAMES);
-        (settled(before) && settled(after) && before[0].lane != after[0].lane).then_some(&after[0])
+        let changed = settled(before) && settled(after) && before[0].lane != after[0].lane;
+        (changed && unbroken(window)).then_some(&after[0])
     })
+}
+
+/// Whether no frame is missing: who leaves the view may come back elsewhere.
+fn unbroken(points: &[TrafficPoint]) -> bool {
+    points.windows(2).all(|pair| pair[0].frame + 1 == pair[1].frame)
 }
 
 /// Front and rear bumper-to-bumper gap of a vehicle in the lane it enters, if somebody is seen there, m.
@@ -167,5 +173,11 @@ mod tests {
         let found = recorded(&[TrafficSite { name: "here".into(), tracks }]);
         assert_eq!((found.changes, found.front_gaps_m, found.rear_gaps_m), (1, vec![], vec![16.0]));
         assert!((found.vehicle_km - 3.0 * 0.118).abs() < 1e-12 && found.speed_mps == 20.0);
+        // Whoever is out of sight between two lanes has not been seen to change.
+        let mut broken = track(1, 100.0, &change);
+        broken.points[30..].iter_mut().for_each(|point| point.frame += 50);
+        let found = recorded(&[TrafficSite { name: "here".into(), tracks: vec![broken] }]);
+        assert_eq!(found.changes, 0);
+        assert!((found.vehicle_km - 0.116).abs() < 1e-12);
     }
 }
