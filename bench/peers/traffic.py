@@ -159,6 +159,7 @@ def main():
                 for name, by_size in found.items():
                     for size in SIZES:
                         rates.setdefault((name, size), []).append((mine[size], by_size[size]))
+                        print(f"{name}, {size}: {mine[size]:.4g} over {by_size[size]:.4g}", file=sys.stderr, flush=True)
     print("| peer | vehicles | ours, M/s | peer, M/s | ours over peer, median | range |\n| --- | --- | --- | --- | --- | --- |")
     for (name, size), pairs in rates.items():
         ratios = [mine / theirs for mine, theirs in pairs]

@@ -20,18 +20,6 @@ const DRIVER: IdmParams = IdmParams {
     max_accel_mps2: 1.5,
     comfort_decel_mps2: 2.0,
 };
-/// An ego that stands beside the road and concerns nobody.
-const ABSENT: ExternalBody = ExternalBody {
-    s_m: 0.0,
-    d_m: 1000.0,
-    heading_rad: 0.0,
-    speed_mps: 0.0,
-    accel_mps2: 0.0,
-    length_m: CAR_LENGTH_M,
-    width_m: 1.9,
-    target_lane: LaneIndex(u8::MAX),
-};
-
 fn is_long() -> bool {
     std::env::var_os("LANECRAFT_LONG").is_some()
 }
@@ -65,9 +53,7 @@ fn world(road: RoadConfig, traffic: TrafficConfig, ego: EgoStart, cars: &[Car]) 
         ..any.vehicles[0]
     };
     let scenario = Scenario { vehicles: cars.iter().map(spec).collect(), ego, warm_up_s: 0.0, ..any };
-    let mut world = World::new(&scenario).expect("possible");
-    world.set_ego(ABSENT);
-    world
+    World::new(&scenario).expect("possible")
 }
 
 /// Equal drivers on a ring of one lane, unevenly spaced at first.
@@ -86,7 +72,7 @@ fn a_ring_settles_at_the_equilibrium_whatever_the_step() {
         for step_s in [0.1, 0.05, 0.025] {
             let mut world = one_lane_ring(8, pitch_m, IdmParams { max_accel_mps2: 3.0, ..DRIVER });
             for _ in 0..(2000.0 / step_s) as u32 {
-                let _ = world.step(ABSENT, step_s);
+                let _ = world.step_alone(step_s);
             }
             for vehicle in world.vehicles() {
                 let gap_m = idm_equilibrium_gap_m(vehicle.speed_mps, &IdmParams { max_accel_mps2: 3.0, ..DRIVER });
@@ -138,7 +124,16 @@ fn measured_gain(mean_mps: f64, driver: IdmParams, period_s: f64, step_s: f64) -
     const AMPLITUDE_MPS: f64 = 1e-3;
     let pitch_m = idm_equilibrium_gap_m(mean_mps, &driver) + CAR_LENGTH_M;
     let lane = LaneIndex(0);
-    let mut leader = ExternalBody { d_m: 0.0, speed_mps: mean_mps, target_lane: lane, ..ABSENT };
+    let mut leader = ExternalBody {
+        s_m: 0.0,
+        d_m: 0.0,
+        heading_rad: 0.0,
+        speed_mps: mean_mps,
+        accel_mps2: 0.0,
+        length_m: CAR_LENGTH_M,
+        width_m: 1.9,
+        target_lane: lane,
+    };
     let ego = EgoStart::At { lane, s_m: 0.0, speed_mps: mean_mps };
     let cars = [1.0, 2.0].map(|k| Car::keeping(0, -pitch_m * k, mean_mps, driver));
     let road = RoadConfig { lanes: 1, topology: Topology::Open, ..RoadConfig::default() };
@@ -253,20 +248,20 @@ impl Choice {
         let ego = EgoStart::At { lane: LaneIndex(0), s_m: 5000.0, speed_mps: 30.0 };
         let mut world = world(road, self.traffic.clone(), ego, &self.cars);
         // The first pause lasts a step.
-        let _ = world.step(ABSENT, STEP_S);
+        let _ = world.step_alone(STEP_S);
         world
     }
 
     /// By how much the change is to be preferred, least of all demands: MOBIL's three and the two safe distances; by hand.
     fn least_margin(&self, world: &World) -> f64 {
-        let accel_mps2 = |behind: usize, ahead: usize| {
-            let [rear, front] = [behind, ahead].map(|index| vehicle(world, index));
+        let accel_mps2 = |behind: u32, ahead: u32| {
+            let (rear, front) = (on_road(world, behind), on_road(world, ahead));
             let gap_m = front.s_m - rear.s_m - CAR_LENGTH_M;
-            idm_accel(gap_m, rear.speed_mps, rear.speed_mps - front.speed_mps, &self.cars[behind].driver)
+            idm_accel(gap_m, rear.speed_mps, rear.speed_mps - front.speed_mps, &self.cars[behind as usize].driver)
         };
         let limits = limits(&self.traffic);
-        let spare_m = |behind: usize, ahead: usize| {
-            let [rear, front] = [behind, ahead].map(|index| vehicle(world, index));
+        let spare_m = |behind: u32, ahead: u32| {
+            let (rear, front) = (on_road(world, behind), on_road(world, ahead));
             front.s_m - rear.s_m - CAR_LENGTH_M - limits.required_gap_m(rear.speed_mps, front.speed_mps)
         };
         let [changer, old_leader, old_follower, new_leader, new_follower] = [0, 1, 2, 3, 4];
@@ -285,9 +280,9 @@ impl Choice {
     }
 }
 
-/// The vehicle of car `index`.
-fn vehicle(world: &World, index: usize) -> Vehicle {
-    world.vehicle(VehicleId(index as u32)).expect("nobody leaves")
+/// The car of this number, which never leaves the road.
+fn on_road(world: &World, car: u32) -> Vehicle {
+    world.vehicle(VehicleId(car)).expect("on the road")
 }
 
 fn random_driver(stream: &mut Stream) -> IdmParams {
@@ -304,8 +299,8 @@ fn a_lane_is_changed_where_mobil_and_the_safe_distance_say_so_to_either_side() {
         for side in [&choice, &choice.mirrored()] {
             let mut world = side.world();
             let margin = side.least_margin(&world);
-            let _ = world.step(ABSENT, STEP_S);
-            let changed = vehicle(&world, 0).target_lane != LaneIndex(side.cars[0].lane);
+            let _ = world.step_alone(STEP_S);
+            let changed = on_road(&world, 0).target_lane != LaneIndex(side.cars[0].lane);
             // Rounding decides what is nearer to the limit than this.
             if margin.abs() > 1e-9 {
                 assert_eq!(changed, margin > 0.0, "case {case}: {margin}");
@@ -326,7 +321,7 @@ fn mean_speed_mps(density_veh_per_km_lane: f64, step_s: f64) -> f64 {
         let mut world = World::new(&distribution.sample(seed).expect("fits")).expect("possible");
         let mut sum_mps = 0.0;
         for _ in 0..steps {
-            let _ = world.step(ABSENT, step_s);
+            let _ = world.step_alone(step_s);
             sum_mps += world.vehicles().map(|vehicle| vehicle.speed_mps).sum::<f64>() / world.len() as f64;
         }
         sum_mps / f64::from(steps)

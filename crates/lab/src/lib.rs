@@ -24,5 +24,4 @@ pub mod runs;
 pub mod stats;
 pub mod studies;
 pub mod trace_file;
-mod traffic_alone;
 pub mod train;

@@ -13,7 +13,6 @@ use rayon::prelude::*;
 
 use super::{BenchError, BenchRow};
 use crate::config::{RunConfig, SeedRole};
-use crate::traffic_alone;
 
 const STEP_S: f64 = 1.0 / 15.0;
 const LANES: u8 = 4;
@@ -44,7 +43,7 @@ fn world(config: &RunConfig, vehicles: u32, index: u64) -> Result<World, BenchEr
     let seed = SeedRole::Tuning.scenario_seed(0, index);
     let mut scenario = ScenarioDistribution { road, traffic }.sample(seed).map_err(EnvError::from)?;
     scenario.vehicles.truncate(vehicles as usize);
-    Ok(traffic_alone::world(&scenario).map_err(EnvError::from)?)
+    Ok(World::new(&scenario).map_err(EnvError::from)?)
 }
 
 /// What a world did in all its rounds.
@@ -62,7 +61,7 @@ impl Course {
         let clock = Clock::start();
         let before = self.steps;
         while clock.passed() < ROUND {
-            let events = black_box(traffic_alone::step(world, STEP_S));
+            let events = black_box(world.step_alone(STEP_S));
             self.lane_changes += u64::from(events.lane_changes);
             self.steps += 1;
         }
@@ -155,7 +154,7 @@ fn rates_of_all(worlds: &mut [World]) -> [f64; 2] {
         let turn = worlds.par_iter_mut().map(|world| {
             let clock = Clock::start();
             for _ in 0..STEPS_IN_A_ROW {
-                let _ = black_box(traffic_alone::step(world, STEP_S));
+                let _ = black_box(world.step_alone(STEP_S));
             }
             (world.len() * STEPS_IN_A_ROW as usize, clock.computed())
         });

@@ -6,11 +6,11 @@
 
 use lanecraft_drive::road::RoadConfig;
 use lanecraft_drive::scenario::{ScenarioDistribution, TrafficConfig};
+use lanecraft_drive::traffic::World;
 
 use super::in_parallel;
 use super::output::{Figure, StudyError, StudyReport, Table};
 use crate::report::svg::{Axis, Plot, stack};
-use crate::traffic_alone;
 
 const DENSITIES_VEH_PER_KM_LANE: [f64; 9] = [6.0, 10.0, 14.0, 20.0, 26.0, 34.0, 44.0, 60.0, 80.0];
 const SEEDS: u64 = 4;
@@ -78,14 +78,14 @@ pub(super) fn run() -> Result<StudyReport, StudyError> {
 fn drive(density_veh_per_km_lane: f64, seed: u64) -> Result<State, StudyError> {
     let traffic = TrafficConfig { density_veh_per_km_lane, ..TrafficConfig::default() };
     let scenario = ScenarioDistribution { road: RoadConfig::default(), traffic }.sample(seed)?;
-    let mut world = traffic_alone::world(&scenario)?;
+    let mut world = World::new(&scenario)?;
     for _ in 0..(SETTLE_S / STEP_S).round() as u32 {
-        let _ = traffic_alone::step(&mut world, STEP_S);
+        let _ = world.step_alone(STEP_S);
     }
     let steps = (WATCHED_S / STEP_S).round() as u32;
     let (mut way_m, mut changes) = (0.0, 0);
     for _ in 0..steps {
-        changes += traffic_alone::step(&mut world, STEP_S).lane_changes;
+        changes += world.step_alone(STEP_S).lane_changes;
         way_m += STEP_S * world.vehicles().map(|vehicle| vehicle.speed_mps).sum::<f64>();
     }
     let road = world.road().config();
