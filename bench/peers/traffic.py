@@ -10,13 +10,14 @@ the median over the rounds and the range. Each peer runs in a process of its own
     lc2013, sl2015 eclipse-sumo and libsumo 1.28.0, bare steps, IDM with that lane-change model
 
 All drive four straight lanes with steps of 1/15 s (SUMO: 67 ms), lane changes and collision checks on. `--limit` is the source
-of a yardstick, one Rust file that prints lines with `mode`, `vehicles`, `float_bytes` and `ns_per_update`.
+of a yardstick, one Rust file that prints lines with `mode`, `vehicles`, `envs` and `ns_per_update`; as a peer it is named `limit`.
 """
 
 import argparse
 import json
 import os
 import random
+import resource
 import statistics
 import subprocess
 import sys
@@ -128,17 +129,23 @@ def ours(program):
 
 
 def limit(source, folder):
-    """Rates of the yardstick's modes with f64, by number of vehicles in one world."""
+    """Rates of the yardstick's modes, by number of vehicles in one world; its times are scaled by the share of a processor it got."""
     program = os.path.join(folder, "limit")
     if not os.path.exists(program):
         subprocess.run(["rustc", "-O", "-C", "target-cpu=native", source, "-o", program], check=True, capture_output=True)
+    begun, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
     rows = [row for row in answer([program]) if row["envs"] == 1]
-    return {f"limit, mode {mode}": {row["vehicles"]: 1e9 / row["ns_per_update"] for row in rows if row["mode"] == mode} for mode in range(3)}
+    passed, after = time.perf_counter() - begun, resource.getrusage(resource.RUSAGE_CHILDREN)
+    share = (after.ru_utime - before.ru_utime) / passed
+    found = {f"limit, mode {mode}": {} for mode in range(3)}
+    for row in rows:
+        found[f"limit, mode {row['mode']}"][row["vehicles"]] = 1e9 / (row["ns_per_update"] * share)
+    return found
 
 
 def main():
     parser = argparse.ArgumentParser()
-    parser.add_argument("peers", nargs="*", default=PEERS)
+    parser.add_argument("peers", nargs="*", metavar="PEER")
     parser.add_argument("--ours", required=True)
     parser.add_argument("--limit")
     parser.add_argument("--rounds", type=int, default=3)
@@ -146,10 +153,11 @@ def main():
     parser.add_argument("--python", action="append", default=[], metavar="NAME=PROGRAM")
     arguments = parser.parse_args()
     pythons = dict(text.split("=", 1) for text in arguments.python)
+    peers = arguments.peers or PEERS + ["limit"] * bool(arguments.limit)
     rates = {}
     with tempfile.TemporaryDirectory() as folder:
         for _ in range(arguments.rounds):
-            for peer in arguments.peers + (["limit"] if arguments.limit else []):
+            for peer in peers:
                 mine = ours(arguments.ours)
                 if peer == "limit":
                     found = limit(arguments.limit, folder)
