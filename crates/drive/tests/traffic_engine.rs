@@ -142,7 +142,8 @@ fn a_recorded_track_is_followed_and_others_keep_behind_it() {
         assert_eq!((recorded.s_m, recorded.d_m, recorded.speed_mps), (point.s_m, point.d_m, point.speed_mps));
     }
     let _ = world.step_alone(DT_S);
-    assert!(id_of(&world, 1).accel_mps2 > 0.0, "it drives itself again");
+    let released = id_of(&world, 1);
+    assert!(released.accel_mps2 > 0.0 && released.lane == released.target_lane, "it drives itself again: {released:?}");
 }
 
 #[test]

@@ -14,7 +14,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::idm::{IdmParams, SHORTEST_GAP_M, idm_accel};
+use super::idm::{IdmTerms, SHORTEST_GAP_M};
 
 /// Coolness c: how far the heuristic is trusted (Kesting 2010: 0.99; 0 is IDM).
 const COOLNESS: f64 = 0.99;
@@ -43,23 +43,25 @@ pub struct Leader {
 
 impl CarFollowing {
     /// Acceleration behind a leader, m/s².
-    pub fn accel_mps2(self, speed_mps: f64, leader: &Leader, params: &IdmParams) -> f64 {
-        let idm_mps2 = idm_accel(leader.gap_m, speed_mps, speed_mps - leader.speed_mps, params);
+    // Must be inlined into the loops that `pulp` compiles for the processor's instruction set.
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
+    pub fn accel_mps2(self, speed_mps: f64, leader: &Leader, driver: &IdmTerms) -> f64 {
+        let idm_mps2 = driver.accel_mps2(leader.gap_m, speed_mps, speed_mps - leader.speed_mps);
         match self {
             Self::EnhancedIdm if leader.gap_m < f64::INFINITY => {
-                cooled(idm_mps2, heuristic_mps2(speed_mps, leader, params.max_accel_mps2), params)
+                cooled(idm_mps2, heuristic_mps2(speed_mps, leader, driver.max_accel_mps2), driver.comfort_decel_mps2())
             }
             Self::Idm | Self::EnhancedIdm => idm_mps2,
         }
     }
 }
 
-/// The demand of IDM, softened where the heuristic asks for less braking, m/s².
-fn cooled(idm_mps2: f64, heuristic_mps2: f64, params: &IdmParams) -> f64 {
+/// The demand of IDM, softened where the heuristic asks for less braking, m/s²; `b` is the comfortable deceleration.
+fn cooled(idm_mps2: f64, heuristic_mps2: f64, b: f64) -> f64 {
     if idm_mps2 >= heuristic_mps2 {
         return idm_mps2;
     }
-    let b = params.comfort_decel_mps2;
     let calm_mps2 = heuristic_mps2 + b * libm::tanh((idm_mps2 - heuristic_mps2) / b);
     (1.0 - COOLNESS) * idm_mps2 + COOLNESS * calm_mps2
 }
@@ -77,7 +79,7 @@ fn heuristic_mps2(speed_mps: f64, leader: &Leader, max_accel_mps2: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::idm::idm_equilibrium_gap_m;
+    use super::super::idm::{IdmParams, idm_equilibrium_gap_m};
     use super::*;
 
     const DRIVER: IdmParams = IdmParams {
@@ -90,7 +92,8 @@ mod tests {
 
     fn both(speed_mps: f64, gap_m: f64, leader_mps: f64, leader_mps2: f64) -> [f64; 2] {
         let leader = Leader { gap_m, speed_mps: leader_mps, accel_mps2: leader_mps2 };
-        [CarFollowing::Idm, CarFollowing::EnhancedIdm].map(|model| model.accel_mps2(speed_mps, &leader, &DRIVER))
+        [CarFollowing::Idm, CarFollowing::EnhancedIdm]
+            .map(|model| model.accel_mps2(speed_mps, &leader, &IdmTerms::from(&DRIVER)))
     }
 
     #[test]

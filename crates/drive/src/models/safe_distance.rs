@@ -38,16 +38,20 @@ impl BrakingLimits {
     /// The largest acceleration for a step of `dt_s` after which the state is safe whatever the leader does, m/s².
     ///
     /// Never below full braking, which is all there is to do if the state is unsafe already.
+    // Must be inlined into the loops that `pulp` compiles for the processor's instruction set; for their sake without branches and with
+    // the quotients that stay the same from vehicle to vehicle apart.
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
     pub fn safe_accel_mps2(&self, gap_m: f64, speed_mps: f64, leader_speed_mps: f64, dt_s: f64) -> f64 {
         let b = self.follower_mps2;
-        let room_m = gap_m - self.margin_m + stopping_distance_m(leader_speed_mps, self.leader_mps2);
+        let leader_stop_m = leader_speed_mps * leader_speed_mps * (0.5 / self.leader_mps2);
+        let room_m = gap_m - self.margin_m + leader_stop_m;
         let half_mps = 0.5 * b * dt_s;
-        let square = half_mps * half_mps + 2.0 * b * room_m - b * dt_s * speed_mps;
+        let square = half_mps * half_mps + 2.0 * b * (room_m - 0.5 * dt_s * speed_mps);
+        let accel_mps2 = (square.max(0.0).sqrt() - half_mps - speed_mps) * (1.0 / dt_s);
         // Below: the step itself is longer than the room unless the follower stops within it.
-        if square < half_mps * half_mps {
-            return -b;
-        }
-        ((square.sqrt() - half_mps - speed_mps) / dt_s).max(-b)
+        let stops = square < half_mps * half_mps;
+        if stops { -b } else { accel_mps2.max(-b) }
     }
 }
 
@@ -57,15 +61,14 @@ pub fn stopping_distance_m(speed_mps: f64, brake_mps2: f64) -> f64 {
 }
 
 /// Distance and speed after a step at constant acceleration that stops exactly at zero speed (ballistic update): (m, m/s).
+// Inlined and without branches for the same reason.
+#[allow(clippy::inline_always)]
+#[inline(always)]
 pub fn ballistic_step(speed_mps: f64, accel_mps2: f64, dt_s: f64) -> (f64, f64) {
     let next_mps = speed_mps + accel_mps2 * dt_s;
-    if next_mps > 0.0 {
-        (0.5 * (speed_mps + next_mps) * dt_s, next_mps)
-    } else if accel_mps2 < 0.0 {
-        (stopping_distance_m(speed_mps, -accel_mps2), 0.0)
-    } else {
-        (0.0, 0.0)
-    }
+    let (on_m, stop_m) = (0.5 * (speed_mps + next_mps) * dt_s, speed_mps * speed_mps / (-2.0 * accel_mps2));
+    let stop_m = if accel_mps2 < 0.0 { stop_m } else { 0.0 };
+    if next_mps > 0.0 { (on_m, next_mps) } else { (stop_m, 0.0) }
 }
 
 #[cfg(test)]

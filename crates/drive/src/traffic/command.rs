@@ -74,6 +74,9 @@ impl World {
         if self.fleet.slot(id).is_none() {
             return;
         }
+        if matches!(command, Command::Follow(_)) {
+            self.fleet.changing.retain(|&changing| changing != id.0);
+        }
         let order = Order { id, command, since_step: self.now };
         match self.find_order(id) {
             Ok(index) => self.orders[index] = order,
@@ -105,8 +108,19 @@ impl World {
 
     /// Forgets the commands that have been carried out.
     pub(super) fn end_orders(&mut self) {
-        let (now, fleet) = (self.now, &self.fleet);
-        self.orders.retain(|order| order.left_steps(now) > 0 && fleet.slot(order.id).is_some());
+        let (now, fleet, road) = (self.now, &mut self.fleet, &self.road);
+        self.orders.retain(|order| {
+            let Some(slot) = fleet.slot(order.id) else { return false };
+            let goes_on = order.left_steps(now) > 0;
+            if !goes_on && matches!(order.command, Command::Follow(_)) {
+                // It drives itself again, in the lane where it is, and comes to rest there.
+                let lane = road.nearest_lane(fleet.d_m[slot]).0;
+                fleet.occupy(slot, lane, lane);
+                fleet.lateral_speed_mps[slot] = 0.0;
+                fleet.changing.push(order.id.0);
+            }
+            goes_on
+        });
     }
 
     /// Puts the commanded accelerations in the place of the wished ones.

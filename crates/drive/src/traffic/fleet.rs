@@ -4,7 +4,7 @@
 //! reads memory in order, and the nearest vehicles stand in the nearest slots. A vehicle that overtakes changes its slot; its id
 //! stays.
 
-use crate::models::idm::IdmParams;
+use crate::models::idm::{IdmParams, IdmTerms};
 use crate::road::{LaneIndex, Road};
 use crate::scenario::VehicleSpec;
 use crate::scene::VehicleId;
@@ -54,6 +54,8 @@ macro_rules! columns {
             pub(super) changing: Vec<u32>,
             /// Length of the ring, infinite on an open road, m.
             pub(super) ring_m: f64,
+            /// Half the length of the longest vehicle there ever was, m.
+            pub(super) longest_half_m: f64,
         }
 
         /// One vehicle's entries.
@@ -61,10 +63,12 @@ macro_rules! columns {
 
         impl Fleet {
             fn empty(ring_m: f64) -> Self {
-                Self { $($name: Vec::new(),)* slots: Vec::new(), first_id: 0, changing: Vec::new(), ring_m }
+                let (slots, changing) = (Vec::new(), Vec::new());
+                Self { $($name: Vec::new(),)* slots, first_id: 0, changing, ring_m, longest_half_m: 0.0 }
             }
 
             fn insert_row(&mut self, slot: usize, row: Row) {
+                self.longest_half_m = self.longest_half_m.max(row.half_length_m);
                 $(self.$name.insert(slot, row.$name);)*
             }
 
@@ -109,6 +113,14 @@ columns! {
     half_width_m: f64,
     driver: IdmParams,
     politeness: f64,
+    /// The terms of the driver's car following, for who looks at one vehicle ...
+    terms: IdmTerms,
+    /// ... and each a column, for all at once.
+    per_desired_speed_spm: f64,
+    time_headway_s: f64,
+    min_gap_m: f64,
+    max_accel_mps2: f64,
+    per_braking_scale_s2pm: f64,
     max_brake_mps2: f64,
 }
 
@@ -197,10 +209,10 @@ impl Fleet {
                 self.number_slots(0..self.len());
             }
         }
-        for slot in 1..self.len() {
-            if self.s_m[slot - 1] >= self.s_m[slot] {
-                self.sink(slot);
-            }
+        let mut sorted = 1;
+        while let Some(offset) = self.s_m[sorted - 1..].windows(2).position(|pair| pair[0] >= pair[1]) {
+            self.sink(sorted + offset);
+            sorted += offset + 1;
         }
     }
 
@@ -237,6 +249,7 @@ impl Fleet {
 }
 
 fn row(id: u32, spec: &VehicleSpec, road: &Road, free_step: i64) -> Row {
+    let terms = IdmTerms::from(&spec.driver);
     Row {
         id,
         s_m: road.wrap_m(spec.s_m),
@@ -256,6 +269,12 @@ fn row(id: u32, spec: &VehicleSpec, road: &Road, free_step: i64) -> Row {
         half_width_m: 0.5 * spec.kind.width_m(),
         driver: spec.driver,
         politeness: spec.politeness,
+        terms,
+        per_desired_speed_spm: terms.per_desired_speed_spm,
+        time_headway_s: terms.time_headway_s,
+        min_gap_m: terms.min_gap_m,
+        max_accel_mps2: terms.max_accel_mps2,
+        per_braking_scale_s2pm: terms.per_braking_scale_s2pm,
         max_brake_mps2: spec.max_brake_mps2,
     }
 }

@@ -3,8 +3,9 @@
 use super::World;
 use super::fleet::steps;
 use super::following::Obstacle;
+use super::neighbors::Around;
 use crate::models::car_following::Leader;
-use crate::models::idm::{IdmParams, idm_free_accel};
+use crate::models::idm::IdmTerms;
 use crate::models::mobil::{AccelChange, KeepRight, MobilParams, MobilSituation, mobil_gain, mobil_gain_keep_right};
 use crate::road::{LaneIndex, Side};
 use crate::scene::VehicleId;
@@ -13,13 +14,20 @@ use crate::scene::VehicleId;
 /// braking force that builds up at 25 m/s³ to 8 m/s².
 const COURTEOUS_REACTION_S: f64 = 0.46;
 
-/// Another vehicle in a lane, seen from the vehicle that may change.
+/// The follower in a lane of the vehicle that may change.
 #[derive(Clone, Copy)]
-struct Other {
-    /// Where it is and what it did in the last step, as one who follows it sees it.
-    leader: Leader,
+struct Rear {
+    gap_m: f64,
+    speed_mps: f64,
     /// How it follows; for the ego an estimate.
-    driver: IdmParams,
+    driver: IdmTerms,
+}
+
+/// What happens if the lane is kept, and to the follower there if not.
+struct Keeping {
+    front: Leader,
+    accel_mps2: f64,
+    old_follower: AccelChange,
 }
 
 impl World {
@@ -46,20 +54,23 @@ impl World {
     /// Whether the driver of slot `i` is free to change lane: neither in a change, nor in the pause after one, nor under a command.
     fn may_change(&self, i: usize) -> bool {
         let fleet = &self.fleet;
-        fleet.lane[i] == fleet.target_lane[i]
-            && fleet.free_step[i] <= self.now
+        fleet.free_step[i] <= self.now
+            && fleet.lane[i] == fleet.target_lane[i]
             && !self.is_commanded(VehicleId(fleet.id[i]))
     }
 
     /// The lane beside that is safe and pays most; of equal ones the left.
     fn best_lane(&self, i: usize) -> Option<u8> {
         let mut best: Option<(f64, u8)> = None;
+        let mut keeping: Option<Keeping> = None;
         for side in Side::BOTH {
             let Some(LaneIndex(lane)) = self.road.beside(LaneIndex(self.fleet.lane[i]), side) else { continue };
-            if !self.is_safe(i, lane) {
+            let around = self.fleet.around(i, lane);
+            if !self.is_safe(i, lane, around) {
                 continue;
             }
-            let Some(gain_mps2) = self.gain_mps2(i, lane) else { continue };
+            let keeping = keeping.get_or_insert_with(|| self.keeping(i));
+            let Some(gain_mps2) = self.gain_mps2(i, lane, around, keeping) else { continue };
             if best.is_none_or(|(most_mps2, _)| gain_mps2 > most_mps2) {
                 best = Some((gain_mps2, lane));
             }
@@ -68,16 +79,17 @@ impl World {
     }
 
     /// Whether `i` in `lane` would be safe behind its leaders and its followers behind it.
-    fn is_safe(&self, i: usize, lane: u8) -> bool {
+    fn is_safe(&self, i: usize, lane: u8, around: Around) -> bool {
         let speed_mps = self.fleet.speed_mps[i];
-        let ahead_is_safe = self.fleet.ahead(i, lane).is_none_or(|j| {
-            self.fleet.gap_m(i, j) >= self.limits(i, false).required_gap_m(speed_mps, self.fleet.speed_mps[j])
-        });
-        let behind_is_safe = self.fleet.behind(i, lane).is_none_or(|j| {
+        let behind_is_safe = around.behind.is_none_or(|j| {
             self.fleet.gap_m(j, i) >= self.limits(j, false).required_gap_m(self.fleet.speed_mps[j], speed_mps)
         });
-        let end_is_safe = self.obstacle_gap_m(i, lane) >= self.limits(i, false).required_gap_m(speed_mps, 0.0);
-        ahead_is_safe && behind_is_safe && end_is_safe && self.is_safe_for_ego(i, lane)
+        let ahead_is_safe = around.ahead.is_none_or(|j| {
+            self.fleet.gap_m(i, j) >= self.limits(i, false).required_gap_m(speed_mps, self.fleet.speed_mps[j])
+        });
+        let end_m = self.obstacle_gap_m(i, lane);
+        let end_is_safe = end_m == f64::INFINITY || end_m >= self.limits(i, false).required_gap_m(speed_mps, 0.0);
+        behind_is_safe && ahead_is_safe && end_is_safe && self.is_safe_for_ego(i, lane)
     }
 
     fn is_safe_for_ego(&self, i: usize, lane: u8) -> bool {
@@ -94,10 +106,30 @@ impl World {
         gap_m >= limits.required_gap_m(ego.speed_mps, speed_mps) + reaction_s * ego.speed_mps
     }
 
-    fn gain_mps2(&self, i: usize, lane: u8) -> Option<f64> {
-        let own_lane = self.fleet.lane[i];
-        let (front, new_front) = (self.front(i, own_lane), self.front(i, lane));
-        let situation = self.situation(i, lane, (front, new_front));
+    /// What the change into any lane is held against.
+    fn keeping(&self, i: usize) -> Keeping {
+        let lane = self.fleet.lane[i];
+        let around = self.fleet.around(i, lane);
+        let front = self.front(i, lane, around);
+        let old_follower = self.rear(i, lane, around).map_or_else(AccelChange::default, |rear| AccelChange {
+            keep_mps2: self.behind_me_mps2(i, &rear),
+            change_mps2: self.without_me_mps2(i, &rear, &front),
+        });
+        let accel_mps2 = self.accel_behind_mps2(&self.fleet.terms[i], self.fleet.speed_mps[i], &front);
+        Keeping { front, accel_mps2, old_follower }
+    }
+
+    fn gain_mps2(&self, i: usize, lane: u8, around: Around, keeping: &Keeping) -> Option<f64> {
+        let front = self.front(i, lane, around);
+        let change_mps2 = self.accel_behind_mps2(&self.fleet.terms[i], self.fleet.speed_mps[i], &front);
+        let situation = MobilSituation {
+            changer: AccelChange { keep_mps2: keeping.accel_mps2, change_mps2 },
+            new_follower: self.rear(i, lane, around).map_or_else(AccelChange::default, |rear| AccelChange {
+                keep_mps2: self.without_me_mps2(i, &rear, &front),
+                change_mps2: self.behind_me_mps2(i, &rear),
+            }),
+            old_follower: keeping.old_follower,
+        };
         let traffic = &self.traffic;
         let params = MobilParams {
             politeness: self.fleet.politeness[i],
@@ -107,46 +139,53 @@ impl World {
         if !traffic.keep_right {
             return mobil_gain(&situation, &params);
         }
-        let to_left = lane > own_lane;
+        let to_left = lane > self.fleet.lane[i];
+        let left_front = if to_left { front } else { keeping.front };
         let rule = KeepRight {
             bias_mps2: traffic.keep_right_bias_mps2,
             to_left,
             speed_mps: self.fleet.speed_mps[i],
-            left_leader_mps: if to_left { new_front } else { front }.map_or(f64::INFINITY, |f| f.leader.speed_mps),
+            left_leader_mps: if left_front.gap_m < f64::INFINITY { left_front.speed_mps } else { f64::INFINITY },
         };
         mobil_gain_keep_right(&situation, &params, &rule)
     }
 
-    /// What a change of `i` into `lane` means to all concerned; `front` and `new_front` are its leaders before and after.
-    fn situation(&self, i: usize, lane: u8, (front, new_front): (Option<Other>, Option<Other>)) -> MobilSituation {
-        let me = self.other(i, 0.0);
-        let length_m = 2.0 * self.fleet.half_length_m[i];
-        let with_me = |rear: &Other| self.accel_behind(rear, Some(Leader { gap_m: rear.leader.gap_m, ..me.leader }));
-        let without_me = |rear: &Other, front: &Option<Other>| {
-            let gap_m = |front: &Other| rear.leader.gap_m + length_m + front.leader.gap_m;
-            self.accel_behind(rear, front.map(|front| Leader { gap_m: gap_m(&front), ..front.leader }))
-        };
-        let own = |front: &Option<Other>| self.accel_behind(&me, front.map(|front| front.leader));
-        MobilSituation {
-            changer: AccelChange { keep_mps2: own(&front), change_mps2: own(&new_front) },
-            new_follower: self.rear(i, lane).map_or_else(AccelChange::default, |rear| AccelChange {
-                keep_mps2: without_me(&rear, &new_front),
-                change_mps2: with_me(&rear),
-            }),
-            old_follower: self.rear(i, self.fleet.lane[i]).map_or_else(AccelChange::default, |rear| AccelChange {
-                keep_mps2: with_me(&rear),
-                change_mps2: without_me(&rear, &front),
-            }),
-        }
+    /// What `rear` does behind `i`, m/s².
+    fn behind_me_mps2(&self, i: usize, rear: &Rear) -> f64 {
+        self.accel_behind_mps2(&rear.driver, rear.speed_mps, &self.vehicle_ahead(i, rear.gap_m))
     }
 
-    /// The nearest ahead of `i` in `lane`, the ego and obstacles included.
-    fn front(&self, i: usize, lane: u8) -> Option<Other> {
-        let human = self.fleet.ahead(i, lane).map(|j| self.other(j, self.fleet.gap_m(i, j)));
-        let gap_m = self.obstacle_gap_m(i, lane);
-        let standing = Leader { gap_m, speed_mps: 0.0, accel_mps2: 0.0 };
-        let obstacle = (gap_m < f64::INFINITY).then_some(Other { leader: standing, driver: self.fleet.driver[i] });
-        nearer(nearer(human, obstacle), self.ego_as_other(i, lane, true))
+    /// What `rear` does behind `front`, between whom `i` is or would be, m/s².
+    fn without_me_mps2(&self, i: usize, rear: &Rear, front: &Leader) -> f64 {
+        let gap_m = rear.gap_m + 2.0 * self.fleet.half_length_m[i] + front.gap_m;
+        self.accel_behind_mps2(&rear.driver, rear.speed_mps, &Leader { gap_m, ..*front })
+    }
+
+    /// What a driver wants behind what is ahead, m/s².
+    #[inline]
+    fn accel_behind_mps2(&self, driver: &IdmTerms, speed_mps: f64, front: &Leader) -> f64 {
+        self.traffic.car_following.accel_mps2(speed_mps, front, driver)
+    }
+
+    /// Slot `j` as one who follows it at this distance sees it.
+    fn vehicle_ahead(&self, j: usize, gap_m: f64) -> Leader {
+        Leader { gap_m, speed_mps: self.fleet.speed_mps[j], accel_mps2: self.fleet.accel_mps2[j] }
+    }
+
+    /// The nearest ahead of `i` in `lane`, the ego and obstacles included; nobody is infinitely far away.
+    #[inline]
+    fn front(&self, i: usize, lane: u8, around: Around) -> Leader {
+        let mut front = Leader { gap_m: self.obstacle_gap_m(i, lane), speed_mps: 0.0, accel_mps2: 0.0 };
+        if let Some(j) = around.ahead {
+            front = nearer(front, self.vehicle_ahead(j, self.fleet.gap_m(i, j)));
+        }
+        if let Some(ego) = self.ego.as_ref().filter(|ego| ego.occupies(lane)) {
+            let (ahead, gap_m) = ego.gap_m(&self.fleet, i);
+            if ahead {
+                front = nearer(front, ego.as_leader(gap_m));
+            }
+        }
+        front
     }
 
     /// How far it is from slot `i` to the next obstacle ahead in `lane`, infinite if there is none, m.
@@ -159,38 +198,27 @@ impl World {
     }
 
     /// The nearest behind `i` in `lane`, the ego included.
-    fn rear(&self, i: usize, lane: u8) -> Option<Other> {
-        let human = self.fleet.behind(i, lane).map(|j| self.other(j, self.fleet.gap_m(j, i)));
-        nearer(human, self.ego_as_other(i, lane, false))
-    }
-
-    fn other(&self, j: usize, gap_m: f64) -> Other {
-        let (speed_mps, accel_mps2) = (self.fleet.speed_mps[j], self.fleet.accel_mps2[j]);
-        Other { leader: Leader { gap_m, speed_mps, accel_mps2 }, driver: self.fleet.driver[j] }
-    }
-
-    /// The ego, if it is in `lane` and on the wanted side; it is taken for a driver like `i` who wants no less than its speed.
-    fn ego_as_other(&self, i: usize, lane: u8, wanted_ahead: bool) -> Option<Other> {
-        let ego = self.ego.as_ref().filter(|ego| ego.occupies(lane))?;
-        let (ahead, gap_m) = ego.gap_m(&self.fleet, i);
-        let own = self.fleet.driver[i];
-        let driver = IdmParams { desired_speed_mps: own.desired_speed_mps.max(ego.speed_mps), ..own };
-        (ahead == wanted_ahead).then_some(Other { leader: ego.as_leader(gap_m), driver })
-    }
-
-    /// What a driver does behind a leader, or on a free road, m/s².
-    fn accel_behind(&self, follower: &Other, leader: Option<Leader>) -> f64 {
-        let (speed_mps, driver) = (follower.leader.speed_mps, &follower.driver);
-        leader.map_or_else(
-            || idm_free_accel(speed_mps, driver),
-            |leader| self.traffic.car_following.accel_mps2(speed_mps, &leader, driver),
-        )
+    #[inline]
+    fn rear(&self, i: usize, lane: u8, around: Around) -> Option<Rear> {
+        let human = around.behind.map(|j| Rear {
+            gap_m: self.fleet.gap_m(j, i),
+            speed_mps: self.fleet.speed_mps[j],
+            driver: self.fleet.terms[j],
+        });
+        if let Some(ego) = self.ego.as_ref().filter(|ego| ego.occupies(lane)) {
+            let (ahead, gap_m) = ego.gap_m(&self.fleet, i);
+            if !ahead && human.is_none_or(|human| gap_m < human.gap_m) {
+                // It is taken for a driver like `i` who wants no less than its speed.
+                let own = self.fleet.terms[i];
+                let per_desired_speed_spm = own.per_desired_speed_spm.min(1.0 / ego.speed_mps);
+                let driver = IdmTerms { per_desired_speed_spm, ..own };
+                return Some(Rear { gap_m, speed_mps: ego.speed_mps, driver });
+            }
+        }
+        human
     }
 }
 
-fn nearer(a: Option<Other>, b: Option<Other>) -> Option<Other> {
-    match (a, b) {
-        (Some(a), Some(b)) => Some(if b.leader.gap_m < a.leader.gap_m { b } else { a }),
-        (a, b) => a.or(b),
-    }
+fn nearer(a: Leader, b: Leader) -> Leader {
+    if b.gap_m < a.gap_m { b } else { a }
 }

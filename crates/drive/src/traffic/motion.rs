@@ -1,5 +1,7 @@
 //! How vehicles move through a step: along the road at constant acceleration, sideways along their lane changes.
 
+use pulp::Arch;
+
 use super::World;
 use super::fleet::Fleet;
 use crate::models::safe_distance::ballistic_step;
@@ -8,10 +10,13 @@ use crate::scene::VehicleId;
 
 impl World {
     /// Moves all vehicles through a step.
-    pub(super) fn advance(&mut self, dt_s: f64) {
-        for i in 0..self.fleet.len() {
-            self.fleet.advance(i, dt_s);
-        }
+    pub(super) fn advance(&mut self, arch: Arch, dt_s: f64) {
+        let fleet = &mut self.fleet;
+        let motion = [&mut fleet.s_m, &mut fleet.speed_mps, &mut fleet.accel_mps2, &mut fleet.moved_m];
+        arch.dispatch(
+            #[inline(always)]
+            || advance_all(motion.map(Vec::as_mut_slice), fleet.ring_m, dt_s),
+        );
         self.advance_changes(dt_s);
     }
 
@@ -44,19 +49,6 @@ impl World {
 }
 
 impl Fleet {
-    fn advance(&mut self, i: usize, dt_s: f64) {
-        let speed_mps = self.speed_mps[i];
-        let (moved_m, next_mps) = ballistic_step(speed_mps, self.accel_mps2[i], dt_s);
-        self.speed_mps[i] = next_mps;
-        // A stop within the step makes the mean gentler than the demand.
-        if next_mps == 0.0 {
-            self.accel_mps2[i] = -speed_mps / dt_s + 0.0;
-        }
-        let s_m = self.s_m[i] + moved_m;
-        self.s_m[i] = if s_m >= self.ring_m { s_m - self.ring_m } else { s_m };
-        self.moved_m[i] = moved_m;
-    }
-
     /// A quintic in time from center to center with zero lateral speed and acceleration at both ends.
     fn advance_change(&mut self, i: usize, done_steps: f64, road: &Road, dt_s: f64) {
         let target_lane = self.target_lane[i];
@@ -73,5 +65,24 @@ impl Fleet {
         let rest = 1.0 - t;
         self.d_m[i] = from_m + (to_m - from_m) * t * t * t * (10.0 - 15.0 * t + 6.0 * t * t);
         self.lateral_speed_mps[i] = (to_m - from_m) * 30.0 * t * t * rest * rest / total_s;
+    }
+}
+
+/// Moves all along the road: position in m, speed in m/s, acceleration in m/s² and what each has moved in m.
+// Must be inlined into what `pulp` compiles for the processor's instruction set.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn advance_all([s_m, speed_mps, accel_mps2, moved_m]: [&mut [f64]; 4], ring_m: f64, dt_s: f64) {
+    let count = s_m.len();
+    let (speed_mps, accel_mps2, moved_m) = (&mut speed_mps[..count], &mut accel_mps2[..count], &mut moved_m[..count]);
+    for i in 0..count {
+        let (on_m, next_mps) = ballistic_step(speed_mps[i], accel_mps2[i], dt_s);
+        // A stop within the step makes the mean gentler than the demand.
+        let stopped_mps2 = 0.0 - speed_mps[i] * (1.0 / dt_s);
+        accel_mps2[i] = if next_mps == 0.0 { stopped_mps2 } else { accel_mps2[i] };
+        let next_m = s_m[i] + on_m;
+        s_m[i] = if next_m >= ring_m { next_m - ring_m } else { next_m };
+        speed_mps[i] = next_mps;
+        moved_m[i] = on_m;
     }
 }

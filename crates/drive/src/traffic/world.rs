@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use lanecraft_net::random::Stream;
+use pulp::Arch;
 
 use super::collision::{Collision, FaultClass, touch_in_step};
 use super::command::{Command, Order};
@@ -237,14 +238,19 @@ impl World {
 
     /// Human drivers decide and move; returns the lane changes started and the pairs that touched.
     fn step_humans(&mut self, dt_s: f64) -> (u32, u32) {
+        self.step_humans_on(Arch::new(), dt_s)
+    }
+
+    /// The same with the vectors of a given processor, which give the same bits.
+    fn step_humans_on(&mut self, arch: Arch, dt_s: f64) -> (u32, u32) {
         let lane_changes = self.choose_lanes(dt_s);
         self.find_leaders();
-        self.follow_leaders(dt_s);
+        self.follow_leaders(arch, dt_s);
         self.obey();
-        self.advance(dt_s);
+        self.advance(arch, dt_s);
         self.follow_tracks();
         self.fleet.sort();
-        (lane_changes, self.fleet.count_overlaps())
+        (lane_changes, self.fleet.count_overlaps(arch))
     }
 
     /// Cars near ahead of the ego, in its lane and beside it, begin a full brake at random.
@@ -333,5 +339,34 @@ impl World {
     /// The road.
     pub fn road(&self) -> &Arc<Road> {
         &self.road
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pulp::Arch;
+
+    use super::World;
+    use crate::road::RoadConfig;
+    use crate::scenario::{ScenarioDistribution, TrafficConfig};
+
+    #[test]
+    fn every_vector_width_gives_the_same_bits() {
+        let mut archs = vec![Arch::Scalar, Arch::new()];
+        #[cfg(target_arch = "x86_64")]
+        archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+        let traffic = TrafficConfig { truck_share: 0.2, density_veh_per_km_lane: 23.0, ..TrafficConfig::default() };
+        let distribution = ScenarioDistribution { road: RoadConfig::default(), traffic };
+        let start = distribution.sample(4).and_then(|scenario| World::new(&scenario)).expect("possible");
+        let after = archs.into_iter().map(|arch| {
+            let mut world = start.clone();
+            for _ in 0..600 {
+                assert_eq!(world.step_humans_on(arch, 0.05).1, 0);
+                world.now += 1;
+            }
+            world
+        });
+        let after: Vec<_> = after.collect();
+        assert!(after.iter().all(|world| *world == after[0]));
     }
 }

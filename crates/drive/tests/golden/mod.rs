@@ -9,8 +9,8 @@ use lanecraft_drive::scenario::{ScenarioDistribution, TrafficConfig};
 use lanecraft_drive::traffic::{ExternalBody, World};
 use lanecraft_net::random::Stream;
 
-pub(crate) const TRAFFIC_DIGEST: u64 = 0x6911_838d_d06c_5f77;
-pub(crate) const CLOSED_LOOP_DIGEST: u64 = 0xdbc7_a17d_6124_d941;
+pub(crate) const TRAFFIC_DIGEST: u64 = 0xa101_ec2a_2e95_0162;
+pub(crate) const CLOSED_LOOP_DIGEST: u64 = 0x7b75_14b6_adbf_5594;
 
 /// Cars and trucks around an ego that drives straight on, some of them braking in full.
 pub(crate) fn traffic_digest() -> u64 {

@@ -40,7 +40,7 @@ pub enum Law {
 impl Law {
     fn accel_mps2(&self, speed_mps: f64, leader: &Leader) -> f64 {
         match self {
-            Self::Model(model, params) => model.accel_mps2(speed_mps, leader, params),
+            Self::Model(model, params) => model.accel_mps2(speed_mps, leader, &params.into()),
             Self::ConstantHeadway { time_headway_s, min_gap_m, gap_gain, speed_gain } => {
                 gap_gain * (leader.gap_m - min_gap_m - speed_mps * time_headway_s)
                     + speed_gain * (leader.speed_mps - speed_mps)
