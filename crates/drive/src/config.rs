@@ -40,6 +40,14 @@ pub enum ConfigError {
         /// The shorter period.
         base_s: f64,
     },
+    /// A lane that ends where no other leads on.
+    #[error("`road.lanes_open` ends lane {lane} at {end_m} m, but no lane beside it can be reached there that goes on")]
+    NoWayOut {
+        /// The lane.
+        lane: u8,
+        /// Where it ends, m.
+        end_m: f64,
+    },
     /// A list with a wrong number of entries.
     #[error("`{key}` has {len} entries, but must have {allowed}")]
     WrongLength {

@@ -52,6 +52,7 @@ impl SectionError {
                 | ConfigError::WrongLength { key, .. }
                 | ConfigError::Reversed { low_key: key, .. },
             ) => key,
+            Self::Drive(ConfigError::NoWayOut { .. }) => "road.lanes_open",
             Self::Drive(_) => "",
         }
     }

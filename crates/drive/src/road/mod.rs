@@ -1,12 +1,21 @@
-//! The road: a reference line with curvature κ(s), grade and bank, lanes beside it, and its adhesion, which patches may change.
+//! The road: a reference line with curvature κ(s), grade and bank, lanes beside it, which may begin and end, speed limits, and its
+//! adhesion, which patches may change.
 //!
 //! Positions are (s, d): s along the reference line, d to its left. The reference line is the center of lane 0, the rightmost lane;
 //! lane `i` has its center at `d = i · lane_width_m`. A ring closes on itself after `length_m`; an open road goes on without end,
 //! and `length_m` is the stretch on which traffic is placed at the start.
 
+mod config;
+mod lanes;
+mod speed;
+
 use serde::{Deserialize, Serialize};
 
-use crate::config::{ConfigError, check_range};
+pub use self::config::{
+    AdhesionPatch, BankPoint, CurvaturePoint, GradePoint, LaneStretch, RoadConfig, SolidLine, SpeedLimit,
+};
+use self::lanes::LaneMap;
+use crate::config::ConfigError;
 
 /// A lane, counted from the right, starting at 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -38,123 +47,6 @@ pub enum Topology {
     Open,
 }
 
-/// A point of the piecewise linear curvature κ(s).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct CurvaturePoint {
-    /// Position along the reference line, m.
-    pub s_m: f64,
-    /// Curvature there, rad/m, positive to the left.
-    pub curvature_radpm: f64,
-}
-
-/// A point of the piecewise linear grade.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct GradePoint {
-    /// Position along the reference line, m.
-    pub s_m: f64,
-    /// Rise over run there, m/m, positive uphill.
-    pub grade: f64,
-}
-
-/// A point of the piecewise linear bank.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct BankPoint {
-    /// Position along the reference line, m.
-    pub s_m: f64,
-    /// Bank angle there, rad, positive where the left side is the higher one.
-    pub bank_rad: f64,
-}
-
-/// A stretch of road with an adhesion of its own.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct AdhesionPatch {
-    /// Where it begins, m.
-    pub s_m: f64,
-    /// How long it is, m.
-    pub length_m: f64,
-    /// Adhesion coefficient μ on it.
-    pub adhesion: f64,
-}
-
-/// The road's parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct RoadConfig {
-    /// Number of lanes, 1 to 8. The paper does not say; three make its four lane changes possible.
-    pub lanes: u8,
-    /// Width of each lane, m: 3.75 m is the Chinese expressway's.
-    pub lane_width_m: f64,
-    /// Length of the ring, or of the stretch of open road that is filled at the start, m.
-    pub length_m: f64,
-    /// Ring or open road.
-    pub topology: Topology,
-    /// Adhesion coefficient μ between tires and road: 0.85 dry, 0.4 wet.
-    pub adhesion: f64,
-    /// Piecewise linear curvature, by rising `s_m`; empty = straight. Constant before the first and after the last point.
-    pub curvature: Vec<CurvaturePoint>,
-    /// Piecewise linear grade, in the same way. The paper's road is level.
-    pub grade: Vec<GradePoint>,
-    /// Piecewise linear bank, in the same way.
-    pub bank: Vec<BankPoint>,
-    /// Stretches with an adhesion of their own, the first one that covers a place counting there. The other drivers take
-    /// no notice of them.
-    pub adhesion_patches: Vec<AdhesionPatch>,
-}
-
-impl Default for RoadConfig {
-    fn default() -> Self {
-        Self {
-            lanes: 3,
-            lane_width_m: 3.75,
-            length_m: 1000.0,
-            topology: Topology::Ring,
-            adhesion: 0.85,
-            curvature: Vec::new(),
-            grade: Vec::new(),
-            bank: Vec::new(),
-            adhesion_patches: Vec::new(),
-        }
-    }
-}
-
-impl RoadConfig {
-    /// Checks every range.
-    pub fn validate(&self) -> Result<(), ConfigError> {
-        check_range("road.lanes", f64::from(self.lanes), 1.0, 8.0)?;
-        check_range("road.lane_width_m", self.lane_width_m, 2.5, 6.0)?;
-        check_range("road.length_m", self.length_m, 200.0, 1e7)?;
-        check_range("road.adhesion", self.adhesion, 0.05, 1.5)?;
-        let mut last_m = f64::NEG_INFINITY;
-        for point in &self.curvature {
-            check_range("road.curvature.s_m", point.s_m, last_m, 1e6)?;
-            check_range("road.curvature.curvature_radpm", point.curvature_radpm, -0.02, 0.02)?;
-            last_m = point.s_m;
-        }
-        last_m = f64::NEG_INFINITY;
-        for point in &self.grade {
-            check_range("road.grade.s_m", point.s_m, last_m, 1e6)?;
-            check_range("road.grade.grade", point.grade, -0.15, 0.15)?;
-            last_m = point.s_m;
-        }
-        last_m = f64::NEG_INFINITY;
-        for point in &self.bank {
-            check_range("road.bank.s_m", point.s_m, last_m, 1e6)?;
-            check_range("road.bank.bank_rad", point.bank_rad, -0.15, 0.15)?;
-            last_m = point.s_m;
-        }
-        for patch in &self.adhesion_patches {
-            check_range("road.adhesion_patches.s_m", patch.s_m, -1e6, 1e6)?;
-            check_range("road.adhesion_patches.length_m", patch.length_m, 0.0, 1e6)?;
-            check_range("road.adhesion_patches.adhesion", patch.adhesion, 0.05, 1.5)?;
-        }
-        Ok(())
-    }
-}
-
 impl AdhesionPatch {
     /// Whether it covers some of the stretch of `range_m` from `s_m` on.
     fn meets(&self, road: &Road, s_m: f64, range_m: f64) -> bool {
@@ -167,13 +59,18 @@ impl AdhesionPatch {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Road {
     config: RoadConfig,
+    lane_map: LaneMap,
 }
 
 impl Road {
     /// A road with these parameters.
     pub fn new(config: RoadConfig) -> Result<Self, ConfigError> {
         config.validate()?;
-        Ok(Self { config })
+        Ok(Self::unchecked(config))
+    }
+
+    fn unchecked(config: RoadConfig) -> Self {
+        Self { lane_map: LaneMap::new(&config), config }
     }
 
     /// The parameters.
@@ -264,6 +161,13 @@ impl Road {
     pub fn lowest_adhesion(&self, s_m: f64, range_m: f64) -> f64 {
         let met = self.config.adhesion_patches.iter().filter(|patch| patch.meets(self, s_m, range_m));
         met.fold(self.config.adhesion, |lowest, patch| lowest.min(patch.adhesion))
+    }
+
+    /// The lowest and the highest adhesion coefficient μ of the road.
+    pub fn adhesion_range(&self) -> (f64, f64) {
+        let patches = self.config.adhesion_patches.iter().map(|patch| patch.adhesion);
+        let all = (self.config.adhesion, self.config.adhesion);
+        patches.fold(all, |(lowest, highest), adhesion| (lowest.min(adhesion), highest.max(adhesion)))
     }
 
     /// Whether the adhesion is the same everywhere.
