@@ -94,7 +94,7 @@ impl ScenarioFile {
         }
         self.traffic.validate()?;
         let road = Arc::new(Road::new(self.road.clone())?);
-        let draw = Draw { traffic: &self.traffic, adhesion: road.adhesion(), seed };
+        let draw = Draw { traffic: &self.traffic, road: &road, seed };
         let vehicles = self.vehicles.iter().enumerate().map(|(id, start)| draw.written(id, start)).collect();
         Ok(Scenario { road, traffic: self.traffic.clone(), vehicles, ego: self.ego, warm_up_s: 0.0, seed })
     }
@@ -149,13 +149,21 @@ impl Scenario {
             Topology::Open => (-1e5, 1e5),
         };
         for (index, vehicle) in self.vehicles.iter().enumerate() {
-            check_lane(&self.road, vehicle.lane, Party::Vehicle(index as u32))?;
+            let party = Party::Vehicle(index as u32);
+            check_lane(&self.road, vehicle.lane, party)?;
+            let end_gap_m = check_on_lane(&self.road, (vehicle.lane, vehicle.s_m), vehicle.kind.length_m(), party)?;
+            let limits = self.traffic.braking_limits(vehicle.max_brake_mps2, false, &self.road);
+            check_end(party, end_gap_m, limits.required_gap_m(vehicle.speed_mps, 0.0))?;
             check_range("vehicles.s_m", vehicle.s_m, first_m, last_m)?;
             check_range("vehicles.speed_mps", vehicle.speed_mps, 0.0, 60.0)?;
             check_range("vehicles.desired_speed_mps", vehicle.driver.desired_speed_mps, 1.0, 60.0)?;
         }
         if let EgoStart::At { lane, s_m, speed_mps } = self.ego {
             check_lane(&self.road, lane, Party::Ego)?;
+            let end_gap_m = check_on_lane(&self.road, (lane, s_m), ego_length_m(), Party::Ego)?;
+            let brake_mps2 = self.traffic.hardest_brake_mps2(self.road.adhesion_range().0);
+            let limits = self.traffic.braking_limits(brake_mps2, false, &self.road);
+            check_end(Party::Ego, end_gap_m, limits.required_gap_m(speed_mps, 0.0))?;
             check_range("ego.s_m", s_m, first_m, last_m)?;
             check_range("ego.speed_mps", speed_mps, 0.0, 60.0)?;
         }
@@ -176,7 +184,7 @@ impl Scenario {
             let turn_m = if k + 1 == order.len() { ring_m } else { 0.0 };
             let half_lengths_m = 0.5 * (follower.kind.length_m() + leader.kind.length_m());
             let gap_m = leader.s_m - follower.s_m + turn_m - half_lengths_m;
-            let limits = self.traffic.braking_limits(follower.max_brake_mps2, false, self.road.adhesion());
+            let limits = self.traffic.braking_limits(follower.max_brake_mps2, false, &self.road);
             let required_m = limits.required_gap_m(follower.speed_mps, leader.speed_mps);
             check_gap([Party::Vehicle(behind as u32), Party::Vehicle(ahead as u32)], gap_m, required_m)?;
         }
@@ -187,6 +195,20 @@ impl Scenario {
 fn check_lane(road: &Road, lane: LaneIndex, who: Party) -> Result<(), ScenarioError> {
     let last = road.config().lanes - 1;
     if lane.0 <= last { Ok(()) } else { Err(ScenarioError::NoSuchLane { who, lane: lane.0, last }) }
+}
+
+/// The lane must exist under the whole vehicle; returns the gap to its end, m.
+fn check_on_lane(road: &Road, (lane, s_m): (LaneIndex, f64), length_m: f64, who: Party) -> Result<f64, ScenarioError> {
+    if road.lane_holds(lane, s_m, 0.5 * length_m) {
+        return Ok(road.lane_end_ahead_m(lane, s_m) - 0.5 * length_m);
+    }
+    Err(ScenarioError::OffLane { who, lane: lane.0, s_m })
+}
+
+/// Who starts must be able to stop before the end of its lane.
+fn check_end(who: Party, gap_m: f64, required_m: f64) -> Result<(), ScenarioError> {
+    // Sampled speeds are the fastest safe ones, up to rounding.
+    if gap_m >= required_m - 1e-9 { Ok(()) } else { Err(ScenarioError::PastStopping { who, gap_m, required_m }) }
 }
 
 /// The follower's gap to its leader must be at least the required one.
@@ -215,12 +237,12 @@ impl ScenarioDistribution {
     pub fn sample(&self, seed: u64) -> Result<Scenario, ScenarioError> {
         self.traffic.validate()?;
         let road = Arc::new(Road::new(self.road.clone())?);
-        let draw = Draw { traffic: &self.traffic, adhesion: road.adhesion(), seed };
+        let draw = Draw { traffic: &self.traffic, road: &road, seed };
         let mut vehicles = Vec::new();
         for lane in road.lanes() {
             let first = vehicles.len();
-            draw.fill_lane(&road, lane, &mut vehicles)?;
-            draw.slow_to_safety(&road, &mut vehicles[first..]);
+            draw.fill_lane(lane, &mut vehicles)?;
+            draw.slow_to_safety(&mut vehicles[first..]);
         }
         let warm_up_s = self.traffic.warm_up_s;
         Ok(Scenario { road, traffic: self.traffic.clone(), vehicles, ego: EgoStart::LargestGap, warm_up_s, seed })

@@ -142,13 +142,13 @@ fn is_long() -> bool {
 
 /// Every vehicle keeps the safe distance to every other ahead of it with which it shares a lane, hence to the nearest.
 fn assert_law(world: &World, traffic: &TrafficConfig) {
-    let adhesion = world.road().adhesion();
+    let adhesion = world.road().adhesion_range().0;
     let truck_mps2 = traffic.truck_max_brake_mps2.min(traffic.hardest_brake_mps2(adhesion));
     let vehicles: Vec<_> = world.vehicles().collect();
     for follower in &vehicles {
         let car = follower.length_m == VehicleKind::Car.length_m();
         let brake_mps2 = if car { traffic.hardest_brake_mps2(adhesion) } else { truck_mps2 };
-        let limits = traffic.braking_limits(brake_mps2, false, adhesion);
+        let limits = traffic.braking_limits(brake_mps2, false, world.road());
         for leader in vehicles.iter().filter(|leader| leader.id != follower.id) {
             let lanes = [follower.lane, follower.target_lane];
             let ahead_m = world.road().ahead_m(follower.s_m, leader.s_m);

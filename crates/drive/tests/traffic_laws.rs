@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 use lanecraft_drive::models::idm::{IdmParams, idm_accel, idm_equilibrium_gap_m};
 use lanecraft_drive::models::safe_distance::BrakingLimits;
-use lanecraft_drive::road::{LaneIndex, RoadConfig, Topology};
+use lanecraft_drive::road::{LaneIndex, Road, RoadConfig, Topology};
 use lanecraft_drive::scenario::{EgoStart, Scenario, ScenarioDistribution, TrafficConfig, VehicleSpec};
 use lanecraft_drive::scene::VehicleId;
 use lanecraft_drive::traffic::{ExternalBody, Vehicle, World};
@@ -204,8 +204,8 @@ const POLITENESS: f64 = 0.3;
 const STEP_S: f64 = 0.01;
 
 fn limits(traffic: &TrafficConfig) -> BrakingLimits {
-    let adhesion = RoadConfig::default().adhesion;
-    traffic.braking_limits(traffic.hardest_brake_mps2(adhesion), false, adhesion)
+    let road = Road::new(RoadConfig::default()).expect("the default road is valid");
+    traffic.braking_limits(traffic.hardest_brake_mps2(road.adhesion()), false, &road)
 }
 
 /// Two lanes: a changer, its leader and follower, and the leader and follower that it would have in the other lane.

@@ -15,7 +15,7 @@ const FIRST_COOLDOWN_S: f64 = 4.0;
 /// Draws drivers and places.
 pub(super) struct Draw<'a> {
     pub(super) traffic: &'a TrafficConfig,
-    pub(super) adhesion: f64,
+    pub(super) road: &'a Road,
     pub(super) seed: u64,
 }
 
@@ -52,7 +52,7 @@ impl Draw<'_> {
             speed_mps: START_SPEED_SHARE * desired_speed_mps,
             driver,
             politeness: traffic.politeness.sample(stream),
-            max_brake_mps2: limited_by_adhesion(brake_mps2, self.adhesion),
+            max_brake_mps2: limited_by_adhesion(brake_mps2, self.road.adhesion_range().0),
             cooldown_s,
         }
     }
@@ -76,12 +76,8 @@ impl Draw<'_> {
     }
 
     /// Adds a lane's vehicles by rising position: the free space is divided evenly, then each vehicle is shifted at random.
-    pub(super) fn fill_lane(
-        &self,
-        road: &Road,
-        lane: LaneIndex,
-        all: &mut Vec<VehicleSpec>,
-    ) -> Result<(), ScenarioError> {
+    pub(super) fn fill_lane(&self, lane: LaneIndex, all: &mut Vec<VehicleSpec>) -> Result<(), ScenarioError> {
+        let road = self.road;
         let length_m = road.config().length_m;
         let density = self.density_veh_per_km();
         let count = (density * length_m / 1000.0).round() as usize;
@@ -101,11 +97,30 @@ impl Draw<'_> {
             vehicle.s_m = road.wrap_m(rear_m + 0.5 * vehicle.kind.length_m() + shift_m);
             rear_m += room_m(vehicle) + space_m;
         }
+        self.fit_to_road(lane, first, all);
         Ok(())
     }
 
+    /// Leaves out the vehicles of `lane`, those from `first` on, that would not be on it, and slows the others to what the road allows.
+    fn fit_to_road(&self, lane: LaneIndex, first: usize, all: &mut Vec<VehicleSpec>) {
+        let road = self.road;
+        let mut index = 0;
+        all.retain(|vehicle| {
+            index += 1;
+            let body_m = SAFE_MARGIN_M + 0.5 * vehicle.kind.length_m();
+            index <= first || road.lane_holds(lane, vehicle.s_m, body_m)
+        });
+        for vehicle in &mut all[first..] {
+            let limits = self.traffic.braking_limits(vehicle.max_brake_mps2, false, road);
+            let end_gap_m = road.lane_end_ahead_m(lane, vehicle.s_m) - 0.5 * vehicle.kind.length_m();
+            let allowed_mps = road.allowed_speed_mps(vehicle.s_m).min(limits.safe_speed_mps(end_gap_m, 0.0));
+            vehicle.speed_mps = vehicle.speed_mps.min(allowed_mps);
+        }
+    }
+
     /// Lowers the speeds of a lane's vehicles, given by rising position, until all distances are safe.
-    pub(super) fn slow_to_safety(&self, road: &Road, lane: &mut [VehicleSpec]) {
+    pub(super) fn slow_to_safety(&self, lane: &mut [VehicleSpec]) {
+        let road = self.road;
         let count = lane.len();
         let ring = road.config().topology == Topology::Ring;
         // Speeds only fall, each to what its leader allows; a turn without a change ends it, and `count` turns always do.
@@ -121,7 +136,7 @@ impl Draw<'_> {
                 if distance_m < 0.0 {
                     distance_m += road.config().length_m;
                 }
-                let limits = self.traffic.braking_limits(lane[behind].max_brake_mps2, false, self.adhesion);
+                let limits = self.traffic.braking_limits(lane[behind].max_brake_mps2, false, road);
                 let safe_mps = limits.safe_speed_mps(distance_m - half_lengths_m, lane[ahead].speed_mps).max(0.0);
                 changed |= lane[behind].speed_mps > safe_mps;
                 lane[behind].speed_mps = lane[behind].speed_mps.min(safe_mps);

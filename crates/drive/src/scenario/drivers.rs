@@ -6,6 +6,7 @@ use super::distribution::{Distribution, Keys, keys};
 use crate::config::{ConfigError, check_order, check_range};
 use crate::models::car_following::CarFollowing;
 use crate::models::safe_distance::BrakingLimits;
+use crate::road::Road;
 
 /// Standard gravity, m/s².
 const GRAVITY_MPS2: f64 = 9.81;
@@ -191,10 +192,12 @@ impl TrafficConfig {
         limited_by_adhesion(self.ego_max_brake_mps2, adhesion).max(self.hardest_brake_mps2(adhesion))
     }
 
-    /// The law of the safe distance for a vehicle that brakes this hard, behind another human driver or behind the ego.
-    pub fn braking_limits(&self, follower_mps2: f64, behind_ego: bool, adhesion: f64) -> BrakingLimits {
+    /// The law of the safe distance for a vehicle that brakes this hard, behind another human driver or behind the ego: human drivers
+    /// brake everywhere as on the road's most slippery place, the ego may stand on its best one.
+    pub fn braking_limits(&self, follower_mps2: f64, behind_ego: bool, road: &Road) -> BrakingLimits {
+        let (lowest, highest) = road.adhesion_range();
         let leader_mps2 =
-            if behind_ego { self.expected_ego_brake_mps2(adhesion) } else { self.hardest_brake_mps2(adhesion) };
+            if behind_ego { self.expected_ego_brake_mps2(highest) } else { self.hardest_brake_mps2(lowest) };
         BrakingLimits { follower_mps2, leader_mps2, margin_m: SAFE_MARGIN_M }
     }
 }

@@ -59,6 +59,28 @@ pub enum ScenarioError {
         /// The road's leftmost lane.
         last: u8,
     },
+    /// A lane that does not exist there.
+    #[error("{who} starts at {s_m} m, where lane {lane} does not exist under all of it (see `road.lanes_open`)")]
+    OffLane {
+        /// Who.
+        who: Party,
+        /// The lane given.
+        lane: u8,
+        /// The position given, m.
+        s_m: f64,
+    },
+    /// A start from which the end of the lane is too near.
+    #[error(
+        "{who} starts {gap_m:.2} m before the end of its lane, but could stop before it only from {required_m:.2} m"
+    )]
+    PastStopping {
+        /// Who.
+        who: Party,
+        /// The distance given, m.
+        gap_m: f64,
+        /// The distance needed, m.
+        required_m: f64,
+    },
     /// Two start in the same place.
     #[error("{first} and {second} overlap at the start by {overlap_m:.2} m")]
     Overlap {

@@ -7,7 +7,7 @@ use super::neighbors::Around;
 use crate::models::car_following::Leader;
 use crate::models::idm::IdmTerms;
 use crate::models::mobil::{AccelChange, KeepRight, MobilParams, MobilSituation, mobil_gain, mobil_gain_keep_right};
-use crate::road::{LaneIndex, Side};
+use crate::road::Side;
 use crate::scene::VehicleId;
 
 /// Reaction that a courteous driver grants an ego behind it, s: a control step and drive lag of 0.3 s, then the mean delay of a
@@ -51,26 +51,28 @@ impl World {
         started
     }
 
-    /// Whether the driver of slot `i` is free to change lane: neither in a change, nor in the pause after one, nor under a command.
+    /// Whether the driver of slot `i` is free to change lane: neither in a change, nor under a command, nor, unless the lane ends, in
+    /// the pause after a change.
     fn may_change(&self, i: usize) -> bool {
         let fleet = &self.fleet;
-        fleet.free_step[i] <= self.now
+        (fleet.free_step[i] <= self.now || self.way_out(i).is_some())
             && fleet.lane[i] == fleet.target_lane[i]
             && !self.is_commanded(VehicleId(fleet.id[i]))
     }
 
-    /// The lane beside that is safe and pays most; of equal ones the left.
+    /// The lane beside that is safe and pays most; of equal ones the left. Out of a lane that ends soon only safety counts.
     fn best_lane(&self, i: usize) -> Option<u8> {
+        let out = self.way_out(i);
         let mut best: Option<(f64, u8)> = None;
         let mut keeping: Option<Keeping> = None;
-        for side in Side::BOTH {
-            let Some(LaneIndex(lane)) = self.road.beside(LaneIndex(self.fleet.lane[i]), side) else { continue };
+        for side in Side::BOTH.into_iter().filter(|&side| out.is_none_or(|out| out == side)) {
+            let Some(lane) = self.lane_beside(i, side) else { continue };
             let around = self.fleet.around(i, lane);
             if !self.is_safe(i, lane, around) {
                 continue;
             }
             let keeping = keeping.get_or_insert_with(|| self.keeping(i));
-            let Some(gain_mps2) = self.gain_mps2(i, lane, around, keeping) else { continue };
+            let Some(gain_mps2) = self.gain_mps2((i, lane), around, keeping, out.is_some()) else { continue };
             if best.is_none_or(|(most_mps2, _)| gain_mps2 > most_mps2) {
                 best = Some((gain_mps2, lane));
             }
@@ -89,7 +91,11 @@ impl World {
         });
         let end_m = self.obstacle_gap_m(i, lane);
         let end_is_safe = end_m == f64::INFINITY || end_m >= self.limits(i, false).required_gap_m(speed_mps, 0.0);
-        behind_is_safe && ahead_is_safe && end_is_safe && self.is_safe_for_ego(i, lane)
+        behind_is_safe
+            && ahead_is_safe
+            && end_is_safe
+            && self.stops_before_end(i, lane)
+            && self.is_safe_for_ego(i, lane)
     }
 
     fn is_safe_for_ego(&self, i: usize, lane: u8) -> bool {
@@ -101,8 +107,8 @@ impl World {
         }
         // The ego brakes at least as hard as human drivers do.
         let reaction_s = if self.traffic.courteous { COURTEOUS_REACTION_S } else { 0.0 };
-        let hardest_mps2 = self.traffic.hardest_brake_mps2(self.road.adhesion());
-        let limits = self.traffic.braking_limits(hardest_mps2, false, self.road.adhesion());
+        let hardest_mps2 = self.traffic.hardest_brake_mps2(self.road.adhesion_range().0);
+        let limits = self.traffic.braking_limits(hardest_mps2, false, &self.road);
         gap_m >= limits.required_gap_m(ego.speed_mps, speed_mps) + reaction_s * ego.speed_mps
     }
 
@@ -115,13 +121,14 @@ impl World {
             keep_mps2: self.behind_me_mps2(i, &rear),
             change_mps2: self.without_me_mps2(i, &rear, &front),
         });
-        let accel_mps2 = self.accel_behind_mps2(&self.fleet.terms[i], self.fleet.speed_mps[i], &front);
+        let accel_mps2 = self.accel_behind_mps2(&self.terms(i), self.fleet.speed_mps[i], &front);
         Keeping { front, accel_mps2, old_follower }
     }
 
-    fn gain_mps2(&self, i: usize, lane: u8, around: Around, keeping: &Keeping) -> Option<f64> {
+    /// The weighted gain of a change of `i` into `lane`, if it is allowed and pays.
+    fn gain_mps2(&self, (i, lane): (usize, u8), around: Around, keeping: &Keeping, must_change: bool) -> Option<f64> {
         let front = self.front(i, lane, around);
-        let change_mps2 = self.accel_behind_mps2(&self.fleet.terms[i], self.fleet.speed_mps[i], &front);
+        let change_mps2 = self.accel_behind_mps2(&self.terms(i), self.fleet.speed_mps[i], &front);
         let situation = MobilSituation {
             changer: AccelChange { keep_mps2: keeping.accel_mps2, change_mps2 },
             new_follower: self.rear(i, lane, around).map_or_else(AccelChange::default, |rear| AccelChange {
@@ -136,6 +143,9 @@ impl World {
             accel_gain_threshold_mps2: traffic.accel_gain_threshold_mps2,
             safe_decel_mps2: traffic.safe_decel_mps2,
         };
+        if must_change {
+            return mobil_gain(&situation, &self.pressing(i, params));
+        }
         if !traffic.keep_right {
             return mobil_gain(&situation, &params);
         }
@@ -203,13 +213,13 @@ impl World {
         let human = around.behind.map(|j| Rear {
             gap_m: self.fleet.gap_m(j, i),
             speed_mps: self.fleet.speed_mps[j],
-            driver: self.fleet.terms[j],
+            driver: self.terms(j),
         });
         if let Some(ego) = self.ego.as_ref().filter(|ego| ego.occupies(lane)) {
             let (ahead, gap_m) = ego.gap_m(&self.fleet, i);
             if !ahead && human.is_none_or(|human| gap_m < human.gap_m) {
                 // It is taken for a driver like `i` who wants no less than its speed.
-                let own = self.fleet.terms[i];
+                let own = self.terms(i);
                 let per_desired_speed_spm = own.per_desired_speed_spm.min(1.0 / ego.speed_mps);
                 let driver = IdmTerms { per_desired_speed_spm, ..own };
                 return Some(Rear { gap_m, speed_mps: ego.speed_mps, driver });

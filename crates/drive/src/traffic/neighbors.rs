@@ -16,7 +16,7 @@ impl Fleet {
     }
 
     /// The nearest other vehicle ahead of slot `i` in `lane`.
-    fn ahead(&self, i: usize, lane: u8) -> Option<usize> {
+    pub(super) fn ahead(&self, i: usize, lane: u8) -> Option<usize> {
         let onward = first_in(&self.lanes[i + 1..], lane).map(|offset| i + 1 + offset);
         // On a ring the last is followed by the first.
         onward.or_else(|| first_in(&self.lanes[..self.seam(i)], lane))

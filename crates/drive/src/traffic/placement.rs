@@ -59,8 +59,8 @@ impl World {
 
     /// How the ego brakes in the eyes of the law: no harder than human drivers, so that the law holds behind them.
     fn ego_limits(&self) -> BrakingLimits {
-        let hardest_mps2 = self.traffic.hardest_brake_mps2(self.road.adhesion());
-        self.traffic.braking_limits(hardest_mps2, false, self.road.adhesion())
+        let hardest_mps2 = self.traffic.hardest_brake_mps2(self.road.adhesion_range().0);
+        self.traffic.braking_limits(hardest_mps2, false, &self.road)
     }
 
     /// The largest gap of a lane with its follower and leader; on an open road only gaps in the rear half of the traffic count, so
@@ -75,6 +75,10 @@ impl World {
             let half_lengths_m = self.fleet.half_length_m[follower] + self.fleet.half_length_m[leader];
             let alone_m = if follower == leader { self.road.config().length_m - 2.0 * half_lengths_m } else { 0.0 };
             let gap_m = alone_m + self.fleet.gap_m(follower, leader);
+            // A gap across the end of the lane is none.
+            if self.road.lane_end_ahead_m(lane, self.fleet.s_m[follower]) < gap_m {
+                continue;
+            }
             if largest.is_none_or(|(_, _, most_m)| gap_m > most_m) {
                 largest = Some((follower, leader, gap_m));
             }

@@ -93,6 +93,11 @@ impl Ego {
         self.lane_bits & (1 << lane) != 0
     }
 
+    /// Whether it is in `lane` and does not signal to leave it.
+    pub(super) fn keeps(&self, lane: LaneIndex) -> bool {
+        self.body.target_lane == lane && self.occupies(lane.0)
+    }
+
     pub(super) fn s_m(&self) -> f64 {
         self.body.s_m
     }
@@ -163,7 +168,7 @@ impl World {
             orders: Vec::new(),
             ego: None,
             now: start,
-            trust: [false, true].map(|ego| scenario.traffic.braking_limits(0.0, ego, road.adhesion())),
+            trust: [false, true].map(|ego| scenario.traffic.braking_limits(0.0, ego, road)),
             seed: scenario.seed,
             ego_start: (0.0, LaneIndex(0), 0.0),
         };
@@ -246,6 +251,7 @@ impl World {
         let lane_changes = self.choose_lanes(dt_s);
         self.find_leaders();
         self.follow_leaders(arch, dt_s);
+        self.heed_road(dt_s);
         self.obey();
         self.advance(arch, dt_s);
         self.follow_tracks();
