@@ -286,13 +286,18 @@ impl Driver {
             };
         }
         let allowed = |decision: &Decision| match decision.maneuver {
-            Maneuver::Keep { .. } => true,
+            Maneuver::Keep { .. } => !self.must_change(),
             Maneuver::Change(side) => !self.plan_first || self.offer(side).is_ok(),
             Maneuver::ChangeWhereRoom => !self.plan_first || self.roomier_side().is_some(),
             Maneuver::Continue | Maneuver::Abort => false,
         };
         let decisions = self.actions.decisions().iter().enumerate();
         decisions.filter(|(_, d)| allowed(d)).fold(ActionMask::default(), |mask, (action, _)| mask.with(action))
+    }
+
+    /// Whether the lane ends in sight and the way out of it is free: no policy may wait then.
+    fn must_change(&self) -> bool {
+        self.plan_first && self.scene.way_out().is_some_and(|side| self.offer(side).is_ok())
     }
 
     /// Takes a decision.
@@ -368,7 +373,7 @@ impl Driver {
     fn weigh(&mut self, side: Side) -> Result<Window, Denial> {
         let window = self.planner.window(&self.scene, &self.forecast, side).map_err(Denial::Planner)?;
         if self.shield.enabled
-            && let Some(target) = self.scene.road.beside(self.lane, side)
+            && let Some(target) = self.scene.beside(self.lane, side)
             && let Err(cause) = check_lane_change(&self.shield, &self.braking, &self.scene, target)
         {
             self.counts.shield += 1;
@@ -425,13 +430,14 @@ impl Driver {
         true
     }
 
-    /// What the speed controller is to aim at: full speed when keeping, the entry speed when changing.
+    /// What the speed controller is to aim at: full speed when keeping, the entry speed when changing, both within the speed limit.
     fn goal(&self) -> (SpeedGoal, ControlWeights) {
+        let allowed_mps = self.scene.road.allowed_speed_mps(self.scene.ego.s_m);
         match &self.activity {
             Activity::Keeping { accel_mps2, weights } => (
                 SpeedGoal {
                     reference_accel_mps2: *accel_mps2,
-                    target_speed_mps: self.speed_max_mps,
+                    target_speed_mps: self.speed_max_mps.min(allowed_mps),
                     lanes: [Some(self.lane), None],
                 },
                 *weights,
@@ -439,7 +445,7 @@ impl Driver {
             Activity::Changing(change) => (
                 SpeedGoal {
                     reference_accel_mps2: 0.0,
-                    target_speed_mps: change.entry_speed_mps,
+                    target_speed_mps: change.entry_speed_mps.min(allowed_mps),
                     lanes: [Some(change.path.from), Some(change.path.to)],
                 },
                 change.weights,

@@ -1,4 +1,5 @@
-//! What the ego car perceives of the world: every vehicle within range, by choice with noise.
+//! What the ego car perceives of the world: every vehicle within range, by choice with noise, and the ends of
+//! lanes ahead.
 //!
 //! Noise is white and normal, keyed by the world's seed, the step and the vehicle: the same whoever else is seen. The
 //! ego's own state, lanes and turn signals are seen without error.
@@ -38,6 +39,9 @@ impl PerceptionConfig {
     }
 }
 
+/// The end of a lane is known from this far on, m, whatever the sensors reach: signs announce it.
+const LANE_END_SIGHT_M: f64 = 400.0;
+
 /// Brings `scene` up to date with the world around an ego car in state `ego`.
 pub fn perceive(config: &PerceptionConfig, world: &World, ego: &VehicleState, scene: &mut Scene) {
     scene.ego = *ego;
@@ -66,7 +70,22 @@ pub fn perceive(config: &PerceptionConfig, world: &World, ego: &VehicleState, sc
             blur(neighbor, config, Stream::keyed(world.seed(), "perceive.noise", world.time_step(), id));
         }
     }
+    see_lane_ends(scene);
     scene.neighbors.sort_unstable_by(|a, b| a.ahead_m.total_cmp(&b.ahead_m).then(a.id.cmp(&b.id)));
+}
+
+/// The ends of lanes ahead stand on the road like vehicles; the map knows them without error.
+fn see_lane_ends(scene: &mut Scene) {
+    let road = &scene.road;
+    if road.has_all_lanes() {
+        return;
+    }
+    for lane in road.lanes() {
+        let end_ahead_m = road.lane_end_ahead_m(lane, scene.ego.s_m);
+        if end_ahead_m > 0.0 && end_ahead_m <= LANE_END_SIGHT_M {
+            scene.neighbors.push(Neighbor::lane_end(road, lane, end_ahead_m));
+        }
+    }
 }
 
 fn blur(neighbor: &mut Neighbor, config: &PerceptionConfig, mut noise: Stream) {

@@ -5,14 +5,17 @@
 
 use std::sync::Arc;
 
-use crate::road::{LaneIndex, Road};
+use crate::road::{LaneIndex, Road, Side};
 use crate::vehicle::VehicleState;
 
 /// Identifies a vehicle for as long as it exists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct VehicleId(pub u32);
 
-/// A perceived vehicle.
+/// No road has more lanes; the last ids belong to their ends.
+const MAX_LANES: u32 = 8;
+
+/// A perceived vehicle, or the end of a lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Neighbor {
     /// Which vehicle.
@@ -54,6 +57,17 @@ impl Neighbor {
         }
     }
 
+    /// The end of `lane`, `end_ahead_m` ahead of the ego's center: to the ego a vehicle that stands there for ever.
+    pub fn lane_end(road: &Road, lane: LaneIndex, end_ahead_m: f64) -> Self {
+        let end = Self::car(VehicleId(u32::MAX - u32::from(lane.0)), lane, road.lane_center_m(lane), end_ahead_m, 0.0);
+        Self { ahead_m: end_ahead_m + 0.5 * end.length_m, ..end }
+    }
+
+    /// Whether it is no vehicle but the end of a lane.
+    pub fn is_lane_end(&self) -> bool {
+        self.id.0 > u32::MAX - MAX_LANES
+    }
+
     /// Whether it stands in `lane`, leaves it or enters it.
     pub fn occupies(&self, lane: LaneIndex) -> bool {
         self.lane == lane || self.target_lane == lane
@@ -78,7 +92,7 @@ pub struct Scene {
     pub ego_width_m: f64,
     /// The lane whose center is nearest to the ego.
     pub ego_lane: LaneIndex,
-    /// Perceived vehicles by rising `ahead_m`, then by id.
+    /// Perceived vehicles and ends of lanes by rising `ahead_m`, then by id.
     pub neighbors: Vec<Neighbor>,
 }
 
@@ -91,6 +105,25 @@ impl Scene {
     /// The nearest vehicle ahead that occupies `lane`.
     pub fn leader(&self, lane: LaneIndex) -> Option<&Neighbor> {
         self.leader_index(lane).map(|index| &self.neighbors[index])
+    }
+
+    /// The lane on this side, if it exists beside the ego and the line between may be crossed.
+    pub fn beside(&self, lane: LaneIndex, side: Side) -> Option<LaneIndex> {
+        let body_m = 0.5 * self.ego_length_m;
+        let beside = self.road.neighbor_lane(lane, side, self.ego.s_m)?;
+        self.road.lane_holds(beside, self.ego.s_m, body_m).then_some(beside)
+    }
+
+    /// How far ahead of the ego's center the end of `lane` is seen, m; infinite if none is in sight.
+    pub fn lane_end_ahead_m(&self, lane: LaneIndex) -> f64 {
+        let end = self.neighbors.iter().find(|n| n.is_lane_end() && n.lane == lane);
+        end.map_or(f64::INFINITY, |end| end.ahead_m - 0.5 * end.length_m)
+    }
+
+    /// The side to which the ego must leave its lane, because its end is in sight.
+    pub fn way_out(&self) -> Option<Side> {
+        let ends = self.lane_end_ahead_m(self.ego_lane).is_finite();
+        if ends { self.road.way_out(self.ego_lane, self.ego.s_m) } else { None }
     }
 
     /// Index of the nearest vehicle behind that occupies `lane`.

@@ -61,6 +61,11 @@ const SPEED: usize = 2;
 const ACCEL: usize = 3;
 /// A car above V_max comes back to it at this rate, m/s².
 const SPEED_RETURN_MPS2: f64 = 1.0;
+/// Who must leave a lane slows down to a crawl this far before its end, m, at this rate, m/s²: a change at this speed, m/s, takes some
+/// 20 m, and the others get some ten seconds to make room.
+const CRAWL_ROOM_M: f64 = 60.0;
+const LEAVING_DECEL_MPS2: f64 = 1.5;
+const CRAWL_SPEED_MPS: f64 = 3.5;
 /// A car this slow stands, m/s.
 const STANDING_SPEED_MPS: f64 = 0.05;
 /// It stays while its leader is nearer than the spacing, and while there is less than this to gain, m, behind a leader
@@ -183,7 +188,8 @@ impl LongitudinalMpc {
             self.observer.observe(now_mps, scene.ego.accel_mps2, &self.sent, limits);
         }
         let [_, speed_mps, accel_mps2] = self.begin(now_mps, scene.ego.accel_mps2);
-        self.set_goal(goal, speed_ratio, speed_mps);
+        self.set_goal(goal, speed_ratio);
+        self.set_speed_limit(scene, goal);
         if !has_one_grip(&scene.road) {
             self.set_grip(scene);
         }
@@ -258,7 +264,7 @@ impl LongitudinalMpc {
         }
     }
 
-    fn set_goal(&mut self, goal: &SpeedGoal, speed_ratio: f64, speed_mps: f64) {
+    fn set_goal(&mut self, goal: &SpeedGoal, speed_ratio: f64) {
         let config = &self.config;
         let pursued = usize::from(config.goal_steps);
         for (k, stage) in self.problem.stages.iter_mut().enumerate() {
@@ -268,10 +274,26 @@ impl LongitudinalMpc {
             let reference_mps2 = reference_mps2 - self.observer.accel_mps2();
             stage.state_weight = [0.0, ratio, 1.0];
             stage.state_reference = [0.0, goal.target_speed_mps, reference_mps2];
-            let time_s = (k + 1) as f64 * config.longitudinal_step_s;
             stage.rows[ACCEL].lower = self.lowest_mps2;
-            stage.rows[SPEED].upper = config.speed_max_mps.max(speed_mps - SPEED_RETURN_MPS2 * time_s) - stage.c[1];
             stage.rows[SPEED].lower = self.speed_lower_mps - stage.c[1];
+        }
+    }
+
+    /// Bounds each stage by the speed allowed where the car will be at its present speed, and by that from which it can still change
+    /// out of a lane that ends; a car above comes back gently.
+    fn set_speed_limit(&mut self, scene: &Scene, goal: &SpeedGoal) {
+        let [travelled_m, speed_mps, _] = self.problem.initial_state;
+        let end_m = match goal.lanes {
+            [Some(kept), None] => scene.lane_end_ahead_m(kept),
+            _ => f64::INFINITY,
+        };
+        for (k, stage) in self.problem.stages.iter_mut().enumerate() {
+            let time_s = (k + 1) as f64 * self.config.longitudinal_step_s;
+            let ahead_m = travelled_m + speed_mps * time_s;
+            let allowed_mps = self.config.speed_max_mps.min(scene.road.allowed_speed_mps(scene.ego.s_m + ahead_m));
+            let allowed_mps = allowed_mps.max(speed_mps - SPEED_RETURN_MPS2 * time_s);
+            let leaving_mps = leaving_speed_mps(end_m - ahead_m).max(speed_mps - 2.0 * LEAVING_DECEL_MPS2 * time_s);
+            stage.rows[SPEED].upper = allowed_mps.min(leaving_mps) - stage.c[1];
         }
     }
 
@@ -372,7 +394,7 @@ impl LongitudinalMpc {
         let outside = self.observer.accel_mps2();
         let mut accel = goal.reference_accel_mps2;
         let mut cut = |bound: f64| accel = if bound < accel || bound.is_nan() { bound } else { accel };
-        cut((config.speed_max_mps - v) / t);
+        cut((config.speed_max_mps.min(scene.road.allowed_speed_mps(scene.ego.s_m)) - v) / t);
         for lane in goal.lanes.into_iter().flatten() {
             if let Some(leader) = scene.leader(lane) {
                 let spare_m = leader.gap_m(scene.ego_length_m) - config.spacing_min_m - config.spacing_headway_s * v;
@@ -401,6 +423,13 @@ impl LongitudinalMpc {
         };
         SpeedPlan { accel_mps2: command, jerk_mps3: jerk, speeds_mps, rung, solve }
     }
+}
+
+/// The largest speed so far before the end of a lane that must be left: down to a crawl in time, for a car that stands cannot change
+/// lane any more. Infinite without an end.
+fn leaving_speed_mps(end_ahead_m: f64) -> f64 {
+    let room_m = (end_ahead_m - CRAWL_ROOM_M).max(0.0);
+    (CRAWL_SPEED_MPS * CRAWL_SPEED_MPS + 2.0 * LEAVING_DECEL_MPS2 * room_m).sqrt()
 }
 
 /// Slope and value at standstill of the safe gap's tangent in the ego's speed. The acceleration counts as zero: the

@@ -111,7 +111,7 @@ impl Writer<'_> {
 
 /// Left, own and right lane, where they exist.
 fn lanes_seen(scene: &Scene) -> [Option<LaneIndex>; LANES_SEEN] {
-    let beside = |side| scene.road.beside(scene.ego_lane, side);
+    let beside = |side| scene.beside(scene.ego_lane, side);
     [beside(Side::Left), Some(scene.ego_lane), beside(Side::Right)]
 }
 
@@ -128,8 +128,8 @@ fn ego_features(scene: &Scene, situation: &Situation, out: &mut Writer) {
         2.0 * (ego.d_m / (width_m * (lanes - 1.0).max(1.0))) - 1.0,
         (ego.speed_mps - 25.0) / SPEED_SCALE_MPS,
         ego.accel_mps2 / 3.0,
-        flag(scene.road.beside(scene.ego_lane, Side::Left).is_some()),
-        flag(scene.road.beside(scene.ego_lane, Side::Right).is_some()),
+        flag(scene.beside(scene.ego_lane, Side::Left).is_some()),
+        flag(scene.beside(scene.ego_lane, Side::Right).is_some()),
         flag(situation.allowed[0]),
         flag(situation.allowed[1]),
         situation.progress,

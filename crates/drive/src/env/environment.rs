@@ -62,7 +62,8 @@ impl Env {
             ego_length_m: config.vehicle.length_m,
             ego_width_m: config.vehicle.width_m,
             ego_lane: lane,
-            neighbors: Vec::with_capacity(world.len()),
+            // The ends of lanes are neighbors, too.
+            neighbors: Vec::with_capacity(world.len() + usize::from(world.road().config().lanes)),
         };
         let setup = DriverSetup {
             vehicle: &config.vehicle,

@@ -63,7 +63,7 @@ impl Episode {
 /// Time until the ego touches the vehicle ahead if both keep their speeds, over all vehicles in its path, s.
 pub(super) fn time_to_collision_s(scene: &Scene) -> f64 {
     let ego = &scene.ego;
-    let ahead = scene.neighbors.iter().filter(|n| n.ahead_m > 0.0);
+    let ahead = scene.neighbors.iter().filter(|n| n.ahead_m > 0.0 && !n.is_lane_end());
     let in_path = ahead.filter(|n| (n.d_m - ego.d_m).abs() < 0.5 * (n.width_m + scene.ego_width_m));
     let times_s = in_path.filter_map(|n| {
         let closing_mps = ego.speed_mps - n.speed_mps;

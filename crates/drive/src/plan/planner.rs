@@ -60,7 +60,11 @@ impl Planner {
     pub fn window(&self, scene: &Scene, forecast: &Forecast, side: Side) -> Result<Window, Refusal> {
         let config = &self.config;
         let (from, start) = (scene.ego_lane, measured_start(scene));
-        let to = scene.road.beside(from, side).ok_or(Refusal::NoLane)?;
+        let to = scene.beside(from, side).ok_or(Refusal::NoLane)?;
+        // Out of a lane that ends there is one way, and into one that ends there is none.
+        if scene.way_out().map_or(scene.lane_end_ahead_m(to).is_finite(), |out| out != side) {
+            return Err(Refusal::LaneEnds);
+        }
         if scene.neighbors.iter().any(|n| n.occupies(to) && n.gap_m(scene.ego_length_m) < 0.0) {
             return Err(Refusal::Occupied);
         }

@@ -18,9 +18,12 @@ use crate::scene::{Neighbor, Scene};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, thiserror::Error)]
 #[serde(rename_all = "kebab-case")]
 pub enum Refusal {
-    /// No lane on this side.
-    #[error("there is no lane on this side")]
+    /// No lane on this side, or a solid line before it.
+    #[error("there is no lane to cross into on this side")]
     NoLane,
+    /// The new lane ends in sight, or the present one does and this is not the way out of it.
+    #[error("the new lane ends in sight or leads no way out of one that does")]
+    LaneEnds,
     /// A vehicle abreast in the new lane.
     #[error("a vehicle is abreast in the new lane")]
     Occupied,
@@ -43,8 +46,9 @@ pub enum Refusal {
 
 impl Refusal {
     /// All reasons, in the order in which they are looked for.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::NoLane,
+        Self::LaneEnds,
         Self::Occupied,
         Self::LateralLimit,
         Self::TargetLeader,

@@ -58,6 +58,10 @@ fn roll_out(scene: &Scene, forecast: &mut Forecast, index: usize, leaders: &[Opt
     let neighbor = &scene.neighbors[index];
     let driver = IdmParams { desired_speed_mps: NOMINAL.desired_speed_mps.max(neighbor.speed_mps), ..NOMINAL };
     let mut point = ForecastPoint { ahead_m: neighbor.ahead_m, d_m: neighbor.d_m, speed_mps: neighbor.speed_mps };
+    if neighbor.is_lane_end() {
+        forecast.track_mut(index).fill(point);
+        return;
+    }
     for step in 0..forecast.track(index).len() {
         forecast.track_mut(index)[step] = point;
         let accel_mps2 = leaders

@@ -80,13 +80,19 @@ impl Rule {
 
     /// The action in a tick in which a decision is due. `scenario_seed` keys the random rule's draws.
     pub fn act(self, env: &Env, scenario_seed: u64) -> usize {
-        match self {
+        let wanted = match self {
             Self::KeepLane => accelerate(env.actions()),
             Self::Random => random(env, scenario_seed),
             Self::IdmMobil => idm_mobil(env),
             Self::BestLane(rule) => rule.act(env),
-        }
+        };
+        if env.mask().allows(wanted) { wanted } else { forced_change(env).unwrap_or(wanted) }
     }
+}
+
+/// The lane change that is left where the lane ends and keeping it is no choice.
+fn forced_change(env: &Env) -> Option<usize> {
+    Side::BOTH.into_iter().find_map(|side| change(env, side))
 }
 
 /// The keep action nearest to this acceleration, with constant weights.
@@ -127,6 +133,12 @@ const EGO_IDM: IdmParams = IdmParams {
 /// Its lane choice: selfish, as every ego baseline of the field.
 const EGO_MOBIL: MobilParams = MobilParams { politeness: 0.0, accel_gain_threshold_mps2: 0.2, safe_decel_mps2: 3.0 };
 
+/// The same, as far as the speed limit lets it.
+fn ego_idm(scene: &Scene) -> IdmParams {
+    let allowed_mps = scene.road.allowed_speed_mps(scene.ego.s_m);
+    IdmParams { desired_speed_mps: EGO_IDM.desired_speed_mps.min(allowed_mps), ..EGO_IDM }
+}
+
 fn idm_mobil(env: &Env) -> usize {
     let scene = env.scene();
     let keep_mps2 = ego_accel(scene, scene.ego_lane);
@@ -148,10 +160,10 @@ fn idm_mobil(env: &Env) -> usize {
 }
 
 fn ego_accel(scene: &Scene, lane: LaneIndex) -> f64 {
-    let speed_mps = scene.ego.speed_mps;
+    let (speed_mps, driver) = (scene.ego.speed_mps, ego_idm(scene));
     match scene.leader(lane) {
-        Some(leader) => idm_accel(leader.gap_m(scene.ego_length_m), speed_mps, speed_mps - leader.speed_mps, &EGO_IDM),
-        None => idm_free_accel(speed_mps, &EGO_IDM),
+        Some(leader) => idm_accel(leader.gap_m(scene.ego_length_m), speed_mps, speed_mps - leader.speed_mps, &driver),
+        None => idm_free_accel(speed_mps, &driver),
     }
 }
 
@@ -184,9 +196,10 @@ impl BestLane {
 
     /// min(V_max, v_leader + max(gap − 15 m, 0)/τ).
     fn anticipated_mps(self, env: &Env, leader: Option<&Neighbor>) -> f64 {
-        let max_mps = env.config().control.speed_max_mps;
+        let scene = env.scene();
+        let max_mps = env.config().control.speed_max_mps.min(scene.road.allowed_speed_mps(scene.ego.s_m));
         leader.map_or(max_mps, |leader| {
-            let gap_m = leader.gap_m(env.scene().ego_length_m);
+            let gap_m = leader.gap_m(scene.ego_length_m);
             (leader.speed_mps + (gap_m - SPARE_GAP_M).max(0.0) / self.gap_time_s).min(max_mps)
         })
     }
