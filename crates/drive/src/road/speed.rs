@@ -43,7 +43,7 @@ mod tests {
             SpeedLimit { from_m: 300.0, to_m: 500.0, limit_mps: 20.0 },
             SpeedLimit { from_m: 400.0, to_m: 450.0, limit_mps: 15.0 },
         ];
-        Road::new(RoadConfig { speed_limits, topology, ..RoadConfig::default() }).expect("valid")
+        Road::new(RoadConfig { topology, speed_limits, ..RoadConfig::default() }).expect("valid")
     }
 
     #[test]
