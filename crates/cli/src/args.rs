@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, Parser, ValueEnum};
 use lanecraft_lab::config::{ConfigFileError, Preset, RunConfig, nearest};
+use lanecraft_lab::scenarios::LoadedScenario;
 
 use crate::commands::Command;
 
@@ -16,6 +17,7 @@ Examples:
   lanecraft train --out runs/mine --resume         go on after an interruption
   lanecraft evaluate runs/mine rule:best-lane      compare it with a rule on the same scenarios
   lanecraft report runs/mine                       write runs/mine/report.html
+  lanecraft scenario list                          scenes to drive in
 
 Every number is a key: see presets/default.toml, and change it with --set key=value.";
 
@@ -95,6 +97,26 @@ impl ConfigArgs {
 
     fn over(&self, flags: Vec<String>) -> Vec<String> {
         flags.into_iter().chain(self.assignments.iter().cloned()).collect()
+    }
+}
+
+/// A scenario file in which everything takes place.
+#[derive(Debug, Args)]
+pub(crate) struct ScenarioArg {
+    /// Scenario file, whose road and traffic stand for those of the configuration
+    #[arg(long, value_name = "FILE", value_parser = file)]
+    scenario: Option<PathBuf>,
+}
+
+impl ScenarioArg {
+    /// The assignment that puts the checked file's text into the configuration.
+    pub(crate) fn flag(&self) -> anyhow::Result<Option<String>> {
+        let Some(path) = &self.scenario else { return Ok(None) };
+        let scenario = LoadedScenario::read(path)?;
+        if scenario.needs_recording() {
+            anyhow::bail!("{} needs a recording; only `lanecraft scenario` drives in it", path.display());
+        }
+        Ok(flag("env.scenario", Some(scenario.text)))
     }
 }
 

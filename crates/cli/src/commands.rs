@@ -7,6 +7,7 @@ pub(crate) mod maneuvers;
 pub(crate) mod quickstart;
 pub(crate) mod replay;
 pub(crate) mod report;
+pub(crate) mod scenario;
 pub(crate) mod study;
 pub(crate) mod traffic;
 pub(crate) mod train;
@@ -31,6 +32,8 @@ pub(crate) enum Command {
     Study(study::Study),
     #[command(subcommand)]
     Traffic(traffic::Traffic),
+    #[command(subcommand)]
+    Scenario(scenario::Scenario),
 }
 
 /// Runs the command.
@@ -47,5 +50,6 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Maneuvers(command) => command.run(output),
         Command::Study(command) => command.run(output),
         Command::Traffic(traffic::Traffic::Calibrate(command)) => command.run(output),
+        Command::Scenario(command) => command.run(output),
     }
 }

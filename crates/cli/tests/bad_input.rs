@@ -36,6 +36,8 @@ fn workplace() -> tempfile::TempDir {
     fs::create_dir(path.join("broken")).unwrap();
     fs::write(path.join("broken/manifest.json"), "{").unwrap();
     fs::write(path.join("misspelt.toml"), "[training]\n\nsed = 3\n").unwrap();
+    let jam = "name = \"jam\"\ndescription = \"\"\n\n[traffic]\ndensity_veh_per_km_lane = 180.0\n";
+    fs::write(path.join("jam.toml"), jam).unwrap();
     fs::write(path.join("no.toml"), "[training\n").unwrap();
     fs::write(path.join("binary.toml"), [0xff_u8, 0xfe, 0x00]).unwrap();
     folder
@@ -99,6 +101,16 @@ const REFUSED: &[(&str, &[&str])] = &[
     ),
     ("irl fit --data photos --synthetic", &["cannot be used with"]),
     ("train", &["--out"]),
+    ("scenario check gone.toml", &["there is no such file"]),
+    ("scenario check misspelt.toml", &["misspelt.toml:1:", "`training`"]),
+    ("scenario check jam.toml", &["jam.toml:5: 180 vehicles in lane 0"]),
+    ("scenario run jam.toml --out jam.svg", &["jam.toml:5:"]),
+    ("scenario run jam.toml --out jam.png", &["jam.png is neither a picture (.svg) nor a trace"]),
+    ("scenario run jam.toml --policy rule:best-lan", &["did you mean `rule:best-lane`?"]),
+    ("scenario list photos", &["there is no scenario in photos"]),
+    ("evaluate rule:random --scenario misspelt.toml", &["misspelt.toml:1:", "`training`"]),
+    ("train --out new --scenario jam.toml", &["jam.toml:5:"]),
+    ("train --out new --set env.scenario=3", &["`env.scenario` is no scenario"]),
     ("train --out new --threads 0", &["1..=1024"]),
     // Runs that exist.
     ("train --out finished", &["finished exists already", "--force"]),
@@ -134,8 +146,8 @@ fn bad_input_is_refused_by_name_and_nothing_is_written() {
 #[test]
 fn help_shows_examples_for_every_command() {
     let folder = tempfile::tempdir().unwrap();
-    for command in ["", "quickstart", "irl fit", "train", "evaluate", "report", "replay", "bench", "traffic calibrate"]
-    {
+    let commands = ["", "quickstart", "irl fit", "train", "evaluate", "report", "replay", "bench", "traffic calibrate"];
+    for command in commands.into_iter().chain(["scenario", "scenario run"]) {
         let output = lanecraft(folder.path(), &format!("{command} --help"));
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         assert_eq!(output.status.code(), Some(0), "{command}");

@@ -58,6 +58,28 @@ pub enum ConfigError {
         /// What is allowed, in words.
         allowed: &'static str,
     },
+    /// A text that is no scenario.
+    #[error("`{key}` is no scenario: {message}")]
+    BadScenario {
+        /// Dotted key.
+        key: &'static str,
+        /// What is wrong with it.
+        message: String,
+    },
+}
+
+impl ConfigError {
+    /// The key it is about.
+    pub fn key(&self) -> &'static str {
+        match self {
+            Self::OutOfRange { key, .. }
+            | Self::NotAMultiple { key, .. }
+            | Self::WrongLength { key, .. }
+            | Self::BadScenario { key, .. }
+            | Self::Reversed { low_key: key, .. } => key,
+            Self::NoWayOut { .. } => "road.lanes_open",
+        }
+    }
 }
 
 /// `value` must be finite and in `min..=max`.

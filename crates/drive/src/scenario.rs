@@ -1,104 +1,32 @@
 //! Scenes and distributions over scenes, from text.
 //!
-//! A [`Scenario`] is a plain value: the road, every vehicle with its driver, where the ego starts, and the seed of what is drawn
-//! later. It comes from a [`ScenarioFile`], which is strict TOML, or from a [`ScenarioDistribution`] and a seed.
+//! A [`Scenario`] is a plain value: the road, every vehicle with its driver, where the ego starts, what happens later, and the
+//! seed of what is drawn later. It comes from a [`ScenarioFile`], which is strict TOML, or from a [`ScenarioDistribution`] and a
+//! seed. A file with `ranges` is itself a distribution: each seed draws its numbers.
 
 mod distribution;
 mod draw;
 mod drivers;
 mod error;
+mod file;
+mod ranges;
+mod recording;
+mod script;
 
 use std::sync::Arc;
-
-use serde::{Deserialize, Serialize};
 
 pub use self::distribution::Distribution;
 use self::draw::Draw;
 pub use self::drivers::{TrafficConfig, VehicleKind};
 pub use self::error::{Party, ScenarioError};
-use crate::config::check_range;
+pub use self::file::{EgoStart, Flow, ScenarioFile, VehicleStart};
+pub use self::ranges::{Range, Ranges};
+pub use self::recording::{RecordedTraffic, Recording, Track, TrackSample};
+pub use self::script::{Action, Event, ScriptedEvent, Trigger};
+use crate::config::{ConfigError, check_range};
 use crate::models::idm::IdmParams;
 use crate::road::{LaneIndex, Road, RoadConfig, Topology};
 use crate::vehicle::VehicleParams;
-
-/// A vehicle written into a scene.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct VehicleStart {
-    /// Lane, from the right, starting at 0.
-    pub lane: LaneIndex,
-    /// Position of its center, m.
-    pub s_m: f64,
-    /// Speed, m/s.
-    pub speed_mps: f64,
-    /// Desired speed v₀ of its driver, m/s.
-    pub desired_speed_mps: f64,
-    /// Car or truck.
-    pub kind: VehicleKind,
-}
-
-/// Where the ego starts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
-pub enum EgoStart {
-    /// In the middle of the largest gap of a random lane, at the speed of the vehicle ahead.
-    #[default]
-    LargestGap,
-    /// Where it is written.
-    At {
-        /// Lane, from the right, starting at 0.
-        lane: LaneIndex,
-        /// Position of its center, m.
-        s_m: f64,
-        /// Speed, m/s.
-        speed_mps: f64,
-    },
-}
-
-/// A scene as a file: either every vehicle is written, or `vehicles` is empty and they are drawn from `traffic`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ScenarioFile {
-    /// Short name.
-    pub name: String,
-    /// What happens, in a sentence or two.
-    pub description: String,
-    /// The road.
-    #[serde(default)]
-    pub road: RoadConfig,
-    /// The drivers.
-    #[serde(default)]
-    pub traffic: TrafficConfig,
-    /// The ego's start.
-    #[serde(default)]
-    pub ego: EgoStart,
-    /// Written vehicles.
-    #[serde(default)]
-    pub vehicles: Vec<VehicleStart>,
-}
-
-impl ScenarioFile {
-    /// Reads a file's text; unknown keys are errors.
-    pub fn from_toml(text: &str) -> Result<Self, ScenarioError> {
-        let file: Self = toml::from_str(text).map_err(ScenarioError::Parse)?;
-        file.road.validate()?;
-        file.traffic.validate()?;
-        Ok(file)
-    }
-
-    /// The scene with every driver drawn from `seed`.
-    pub fn scenario(&self, seed: u64) -> Result<Scenario, ScenarioError> {
-        if self.vehicles.is_empty() {
-            let distribution = ScenarioDistribution { road: self.road.clone(), traffic: self.traffic.clone() };
-            return Ok(Scenario { ego: self.ego, ..distribution.sample(seed)? });
-        }
-        self.traffic.validate()?;
-        let road = Arc::new(Road::new(self.road.clone())?);
-        let draw = Draw { traffic: &self.traffic, road: &road, seed };
-        let vehicles = self.vehicles.iter().enumerate().map(|(id, start)| draw.written(id, start)).collect();
-        Ok(Scenario { road, traffic: self.traffic.clone(), vehicles, ego: self.ego, warm_up_s: 0.0, seed })
-    }
-}
 
 /// Everything about a human-driven vehicle at the start.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,14 +62,38 @@ pub struct Scenario {
     pub ego: EgoStart,
     /// Time that the traffic drives alone first, s; 0 for written vehicles.
     pub warm_up_s: f64,
-    /// Seed of what is drawn later: the ego's lane, the stress.
+    /// What vehicles do apart from driving on.
+    pub script: Vec<ScriptedEvent>,
+    /// Vehicles that enter later. Where there are any, whoever reaches the end of the road leaves it.
+    pub flows: Vec<Flow>,
+    /// Recorded vehicles, and whether they follow the ego once it is ahead of them.
+    pub recording: Option<(Arc<Recording>, bool)>,
+    /// Seed of what is drawn later: the ego's lane, the stress, the flows.
     pub seed: u64,
 }
 
 impl Scenario {
+    /// A scene in which nothing happens but these vehicles driving on.
+    fn of_vehicles(
+        road: Arc<Road>,
+        traffic: TrafficConfig,
+        vehicles: Vec<VehicleSpec>,
+        ego: EgoStart,
+        seed: u64,
+    ) -> Self {
+        let (script, flows, recording) = (Vec::new(), Vec::new(), None);
+        Self { road, traffic, vehicles, ego, warm_up_s: 0.0, script, flows, recording, seed }
+    }
+
+    /// Draws the driver of the vehicle with this index among all that enter lane `lane` later.
+    pub(crate) fn draw_entering(&self, lane: LaneIndex, index: u64) -> VehicleSpec {
+        let draw = Draw { traffic: &self.traffic, road: &self.road, seed: self.seed };
+        draw.entering(lane, index)
+    }
+
     /// Checks that every lane exists, that nobody overlaps and that every distance is safe.
     pub fn check(&self) -> Result<(), ScenarioError> {
-        if self.vehicles.is_empty() {
+        if self.vehicles.is_empty() && self.flows.is_empty() && self.recording.is_none() {
             return Err(ScenarioError::EmptyRoad);
         }
         let (first_m, last_m) = match self.road.config().topology {
@@ -151,12 +103,10 @@ impl Scenario {
         for (index, vehicle) in self.vehicles.iter().enumerate() {
             let party = Party::Vehicle(index as u32);
             check_lane(&self.road, vehicle.lane, party)?;
+            check_vehicle(vehicle, first_m, last_m).map_err(|source| ScenarioError::Vehicle { index, source })?;
             let end_gap_m = check_on_lane(&self.road, (vehicle.lane, vehicle.s_m), vehicle.kind.length_m(), party)?;
             let limits = self.traffic.braking_limits(vehicle.max_brake_mps2, false, &self.road);
             check_end(party, end_gap_m, limits.required_gap_m(vehicle.speed_mps, 0.0))?;
-            check_range("vehicles.s_m", vehicle.s_m, first_m, last_m)?;
-            check_range("vehicles.speed_mps", vehicle.speed_mps, 0.0, 60.0)?;
-            check_range("vehicles.desired_speed_mps", vehicle.driver.desired_speed_mps, 1.0, 60.0)?;
         }
         if let EgoStart::At { lane, s_m, speed_mps } = self.ego {
             check_lane(&self.road, lane, Party::Ego)?;
@@ -190,6 +140,12 @@ impl Scenario {
         }
         Ok(())
     }
+}
+
+fn check_vehicle(vehicle: &VehicleSpec, first_m: f64, last_m: f64) -> Result<(), ConfigError> {
+    check_range("vehicles.s_m", vehicle.s_m, first_m, last_m)?;
+    check_range("vehicles.speed_mps", vehicle.speed_mps, 0.0, 60.0)?;
+    check_range("vehicles.desired_speed_mps", vehicle.driver.desired_speed_mps, 1.0, 60.0)
 }
 
 fn check_lane(road: &Road, lane: LaneIndex, who: Party) -> Result<(), ScenarioError> {
@@ -245,7 +201,9 @@ impl ScenarioDistribution {
             draw.slow_to_safety(&mut vehicles[first..]);
         }
         let warm_up_s = self.traffic.warm_up_s;
-        Ok(Scenario { road, traffic: self.traffic.clone(), vehicles, ego: EgoStart::LargestGap, warm_up_s, seed })
+        let ego = EgoStart::LargestGap;
+        let traffic = self.traffic.clone();
+        Ok(Scenario { warm_up_s, ..Scenario::of_vehicles(road, traffic, vehicles, ego, seed) })
     }
 }
 

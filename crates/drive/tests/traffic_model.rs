@@ -1,9 +1,7 @@
 //! The traffic as a model: convergence in the time step, the ego's place, courtesy.
 
 use lanecraft_drive::road::{LaneIndex, RoadConfig, Topology};
-use lanecraft_drive::scenario::{
-    EgoStart, ScenarioDistribution, ScenarioFile, TrafficConfig, VehicleKind, VehicleStart,
-};
+use lanecraft_drive::scenario::{ScenarioDistribution, ScenarioFile, TrafficConfig, VehicleKind, VehicleStart};
 use lanecraft_drive::scene::VehicleId;
 use lanecraft_drive::traffic::{ExternalBody, World};
 
@@ -64,15 +62,21 @@ fn platoon_m(steps_per_s: u32) -> Vec<f64> {
     let vehicles = (0..10).map(|k| {
         let speed_mps = if k == 9 { 15.0 } else { 25.0 };
         let s_m = 60.0 * f64::from(k);
-        VehicleStart { lane: LaneIndex(0), s_m, speed_mps, desired_speed_mps: speed_mps, kind: VehicleKind::Car }
+        VehicleStart {
+            name: String::new(),
+            lane: LaneIndex(0),
+            s_m,
+            speed_mps,
+            desired_speed_mps: speed_mps,
+            kind: VehicleKind::Car,
+        }
     });
     let file = ScenarioFile {
         name: "platoon".to_owned(),
         description: "ten cars in one lane".to_owned(),
         road: RoadConfig { lanes: 1, topology: Topology::Open, ..RoadConfig::default() },
-        traffic: TrafficConfig::default(),
-        ego: EgoStart::default(),
         vehicles: vehicles.collect(),
+        ..ScenarioFile::default()
     };
     let mut world = World::new(&file.scenario(0).expect("valid")).expect("possible");
     for _ in 0..60 * steps_per_s {

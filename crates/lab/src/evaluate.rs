@@ -72,12 +72,29 @@ pub struct EpisodeResult {
     pub fallbacks: u32,
     /// Control steps in which the guard braked in place of the command.
     pub guard_interventions: u32,
-    /// Control steps in which the guard changed the command or called off a lane change, by cause.
+    /// Control steps in which the guard changed the command or called off a lane change, by cause; JSON in one cell of the table.
+    #[serde(with = "in_one_cell")]
     pub guard_causes: BTreeMap<GuardCause, u32>,
     /// Ticks in which the shield forbade a lane change.
     pub shield_interventions: u32,
     /// Mean absolute jerk, m/s³.
     pub jerk_mps3: f64,
+}
+
+/// A map as text, for tables have no room for more.
+mod in_one_cell {
+    use std::collections::BTreeMap;
+
+    use lanecraft_drive::control::GuardCause;
+    use serde::{Deserialize as _, Deserializer, Serializer, de, ser};
+
+    pub(super) fn serialize<S: Serializer>(map: &BTreeMap<GuardCause, u32>, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(&serde_json::to_string(map).map_err(ser::Error::custom)?)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<BTreeMap<GuardCause, u32>, D::Error> {
+        serde_json::from_str(&String::deserialize(from)?).map_err(de::Error::custom)
+    }
 }
 
 impl EpisodeResult {
@@ -97,7 +114,7 @@ impl EpisodeResult {
             refusals: counts.refusals,
             fallbacks: counts.fallbacks.iter().sum(),
             guard_interventions: counts.guard_interventions(),
-            guard_causes: GuardCause::ALL.into_iter().zip(counts.guard).collect(),
+            guard_causes: GuardCause::ALL.into_iter().zip(counts.guard).filter(|(_, steps)| *steps > 0).collect(),
             shield_interventions: counts.shield,
             jerk_mps3: episode.mean_jerk_mps3(),
         }
@@ -237,12 +254,21 @@ fn choose(policy: &Policy, pilot: &mut Pilot, env: &Env, seed: u64) -> Result<us
 
 /// Drives one episode and records it. `config` must be the evaluation's environment.
 pub fn record_episode(policy: &Policy, config: &Arc<Config>, seed: u64) -> Result<Trace, EvaluateError> {
-    let mut env = Env::new(config, seed)?;
+    record(policy, &mut Env::new(config, seed)?, seed)
+}
+
+/// The figures of an episode that `policy` drove.
+pub fn summarize(policy: &Policy, seed: u64, episode: &Episode, config: &Config) -> EpisodeResult {
+    EpisodeResult::new(policy.name(), seed, episode, config.env.control_period_s)
+}
+
+/// Drives `env`, which was made with `seed`, to its end and records it; `env` then holds the figures.
+pub fn record(policy: &Policy, env: &mut Env, seed: u64) -> Result<Trace, EvaluateError> {
     let mut pilot = Pilot::new(policy);
     let header = env.trace_header(&policy.name(), seed);
     let mut ticks = Vec::new();
     while !env.is_over() {
-        let action = choose(policy, &mut pilot, &env, seed)?;
+        let action = choose(policy, &mut pilot, env, seed)?;
         let step = env.step_recorded(action);
         let (_, tick) = step.map_err(|source| EvaluateError::Step { policy: policy.name(), source })?;
         ticks.push(tick);

@@ -21,6 +21,7 @@ pub mod replay;
 pub mod report;
 pub mod run_dir;
 pub mod runs;
+pub mod scenarios;
 pub mod stats;
 pub mod studies;
 pub mod trace_file;

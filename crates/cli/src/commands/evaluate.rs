@@ -11,7 +11,7 @@ use lanecraft_lab::policy::Policy as Driver;
 use lanecraft_lab::run_dir::{CONFIG, RunDir};
 use lanecraft_lab::runs;
 
-use crate::args::{ConfigArgs, ThreadsArg, flag, folder};
+use crate::args::{ConfigArgs, ScenarioArg, ThreadsArg, flag, folder};
 use crate::output::{Output, answer};
 use crate::table::print_results;
 
@@ -20,6 +20,7 @@ Examples:
   lanecraft evaluate rule:best-lane rule:keep-lane
   lanecraft evaluate runs/mine rule:best-lane --episodes 500
   lanecraft evaluate runs/a runs/b --json > results.jsonl
+  lanecraft evaluate runs/mine rule:best-lane --scenario scenarios/splits/dense-ood.toml
 
 All policies drive in the same scenarios, which no training sees.
 Rules: rule:keep-lane, rule:random, rule:idm-mobil, rule:best-lane.";
@@ -38,6 +39,8 @@ pub(crate) struct Evaluate {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    scenario: ScenarioArg,
+    #[command(flatten)]
     config: ConfigArgs,
     #[command(flatten)]
     threads: ThreadsArg,
@@ -45,12 +48,12 @@ pub(crate) struct Evaluate {
 
 /// Who drives.
 #[derive(Clone, Debug)]
-enum Policy {
+pub(crate) enum Policy {
     Rule(Rule),
     Run(PathBuf),
 }
 
-fn policy(text: &str) -> Result<Policy, String> {
+pub(crate) fn policy(text: &str) -> Result<Policy, String> {
     let Some(name) = text.strip_prefix("rule:") else {
         return folder(text).map(Policy::Run).map_err(|error| {
             let known = nearest(text, Rule::NAMES).filter(|_| !error.contains("did you mean"));
@@ -63,11 +66,17 @@ fn policy(text: &str) -> Result<Policy, String> {
     })
 }
 
+/// Whether the same seeds give the same scenarios in both: a scenario file stands for road and traffic.
+fn same_scenarios(a: &Config, b: &Config) -> bool {
+    a.env.scenario == b.env.scenario && (!a.env.scenario.is_empty() || (&a.road, &a.traffic) == (&b.road, &b.traffic))
+}
+
 impl Evaluate {
     pub(crate) fn run(self, output: Output) -> anyhow::Result<()> {
-        let flags = flag("evaluation.episodes", self.episodes);
-        let config = self.config.resolve(flags.into_iter().collect())?;
-        let drivers = self.drivers(&config)?;
+        let scenario = self.scenario.flag()?;
+        let flags = flag("evaluation.episodes", self.episodes).into_iter().chain(scenario.clone());
+        let config = self.config.resolve(flags.collect())?;
+        let drivers = self.drivers(&config, scenario.as_ref())?;
         let steps = drivers.len() * config.evaluation.episodes;
         let episodes = self.threads.run(|| {
             output.with_progress(|progress| {
@@ -87,15 +96,16 @@ impl Evaluate {
 
     /// Each policy with its environment: a run's own with what the command line sets over it, and for a rule that of the first run,
     /// or of the command line without any.
-    fn drivers(&self, config: &RunConfig) -> anyhow::Result<Vec<(Driver, Config)>> {
+    fn drivers(&self, config: &RunConfig, scenario: Option<&String>) -> anyhow::Result<Vec<(Driver, Config)>> {
         let mut first: Option<(&PathBuf, Config)> = None;
         let mut drivers = Vec::new();
         for policy in &self.policies {
             let Policy::Run(path) = policy else { continue };
             RunDir::open(path)?;
-            let environment = self.config.resolve_over(&path.join(CONFIG), Vec::new())?.environment;
+            let flags = scenario.into_iter().cloned().collect();
+            let environment = self.config.resolve_over(&path.join(CONFIG), flags)?.environment;
             let (other, expected) = first.get_or_insert_with(|| (path, environment.clone()));
-            if (&environment.road, &environment.traffic) != (&expected.road, &expected.traffic) {
+            if !same_scenarios(&environment, expected) {
                 bail!(
                     "{} and {} were trained on other roads or in other traffic, so their scenarios cannot be paired",
                     other.display(),

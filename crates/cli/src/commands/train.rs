@@ -8,7 +8,7 @@ use lanecraft_lab::config::RunConfig;
 use lanecraft_lab::run_dir::{CONFIG, Existing, MANIFEST, Manifest, RunDir};
 use lanecraft_lab::runs;
 
-use crate::args::{ConfigArgs, ThreadsArg, flag};
+use crate::args::{ConfigArgs, ScenarioArg, ThreadsArg, flag};
 use crate::output::{Output, answer};
 
 const EXAMPLES: &str = "\
@@ -17,6 +17,7 @@ Examples:
   lanecraft train --preset paper --algorithm dqn --seed 3 --out runs/paper-dqn-3
   lanecraft train --decisions 20000 --set learner.discount=0.97 --out runs/short
   lanecraft train --out runs/mine --resume
+  lanecraft train --scenario scenarios/splits/train.toml --out runs/split
 
 The folder gets config.toml, manifest.json, the logs and the checkpoint.
 --resume goes on from the checkpoint; without one it starts anew, and on a finished run it does nothing.";
@@ -43,6 +44,8 @@ pub(crate) struct Train {
     /// Replace a run that has this folder
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    scenario: ScenarioArg,
     #[command(flatten)]
     config: ConfigArgs,
     #[command(flatten)]
@@ -76,17 +79,18 @@ impl Train {
         Ok(answer(&format!("{} is finished", run.path().display()))?)
     }
 
-    fn flags(&self) -> Vec<String> {
+    fn flags(&self) -> anyhow::Result<Vec<String>> {
         let flags = [
+            self.scenario.flag()?,
             flag("learner.algorithm", self.algorithm.map(Algorithm::name)),
             flag("training.seed", self.seed),
             flag("training.decisions", self.decisions),
         ];
-        flags.into_iter().flatten().collect()
+        Ok(flags.into_iter().flatten().collect())
     }
 
     fn create(&self) -> anyhow::Result<(RunDir, RunConfig, bool)> {
-        let config = self.config.resolve(self.flags())?;
+        let config = self.config.resolve(self.flags()?)?;
         let manifest = Manifest::new("train", self.config.preset.preset().name(), &config);
         let existing = if self.force { Existing::Replace } else { Existing::Refuse };
         Ok((RunDir::create(&self.out, existing, &manifest, &config)?, config, false))
@@ -96,7 +100,7 @@ impl Train {
     fn reopen(&self) -> anyhow::Result<(RunDir, RunConfig, bool)> {
         let (run, manifest) = RunDir::open(&self.out)?;
         let stored = runs::read_config(&self.out)?;
-        if self.config.resolve_over(&self.out.join(CONFIG), self.flags())? != stored {
+        if self.config.resolve_over(&self.out.join(CONFIG), self.flags()?)? != stored {
             bail!(
                 "{} was begun with other numbers; a run goes on only as it began, or anew with `--force`",
                 run.path().display()

@@ -9,7 +9,7 @@ use crate::perceive::PerceptionConfig;
 use crate::plan::PlannerConfig;
 use crate::predict::Predictor;
 use crate::road::RoadConfig;
-use crate::scenario::TrafficConfig;
+use crate::scenario::{ScenarioError, ScenarioFile, TrafficConfig};
 use crate::vehicle::{PlantConfig, VehicleParams};
 
 /// In which order decision and plan are made.
@@ -51,6 +51,8 @@ pub struct EnvConfig {
     pub episode_s: f64,
     /// Order of decision and plan.
     pub order: Order,
+    /// Text of a scenario file, whose road and traffic then stand for the sections `road` and `traffic`; empty: those.
+    pub scenario: String,
 }
 
 impl Default for EnvConfig {
@@ -61,6 +63,7 @@ impl Default for EnvConfig {
             plant_period_s: 0.01,
             episode_s: 40.0,
             order: Order::PlanFirst,
+            scenario: String::new(),
         }
     }
 }
@@ -77,6 +80,15 @@ pub struct Periods {
 }
 
 impl EnvConfig {
+    /// The scenario file, if there is one.
+    pub fn scenario_file(&self) -> Result<Option<ScenarioFile>, ConfigError> {
+        if self.scenario.is_empty() {
+            return Ok(None);
+        }
+        let bad = |error: ScenarioError| ConfigError::BadScenario { key: "env.scenario", message: error.to_string() };
+        ScenarioFile::from_toml(&self.scenario).map(Some).map_err(bad)
+    }
+
     /// Checks every range and that each period is a whole multiple of the one below.
     pub fn periods(&self) -> Result<Periods, ConfigError> {
         check_range("env.plant_period_s", self.plant_period_s, 0.001, 0.05)?;
@@ -130,6 +142,7 @@ impl Config {
     /// Checks every section.
     pub fn validate(&self) -> Result<(), ConfigError> {
         self.env.periods()?;
+        self.env.scenario_file()?;
         self.road.validate()?;
         self.traffic.validate()?;
         self.vehicle.validate()?;

@@ -42,8 +42,11 @@ pub struct Env {
 }
 
 impl Env {
-    /// The environment of `config` in the scenario that its distribution gives for `seed`.
+    /// The environment of `config` in the scenario that its scenario file, or else its distribution, gives for `seed`.
     pub fn new(config: &Arc<Config>, seed: u64) -> Result<Self, EnvError> {
+        if let Some(file) = config.env.scenario_file()? {
+            return Self::in_scenario(config, &file.scenario(seed)?);
+        }
         let distribution = ScenarioDistribution { road: config.road.clone(), traffic: config.traffic.clone() };
         Self::in_scenario(config, &distribution.sample(seed)?)
     }

@@ -12,6 +12,7 @@
 //!
 //! Without an approach and behind a leader at constant speed a_CAH is 0, so that both models have the same equilibrium.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::idm::{IdmTerms, SHORTEST_GAP_M};
@@ -20,7 +21,7 @@ use super::idm::{IdmTerms, SHORTEST_GAP_M};
 const COOLNESS: f64 = 0.99;
 
 /// A car-following model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum CarFollowing {
     /// The Intelligent Driver Model (Treiber, Hennecke and Helbing, 2000).

@@ -1,12 +1,13 @@
 //! The section `[road]`: what a road is made of, and what makes no road.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{LaneIndex, Road, Topology};
 use crate::config::{ConfigError, check_range};
 
 /// A point of the piecewise linear curvature κ(s).
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CurvaturePoint {
     /// Position along the reference line, m.
@@ -16,7 +17,7 @@ pub struct CurvaturePoint {
 }
 
 /// A point of the piecewise linear grade.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GradePoint {
     /// Position along the reference line, m.
@@ -26,7 +27,7 @@ pub struct GradePoint {
 }
 
 /// A point of the piecewise linear bank.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BankPoint {
     /// Position along the reference line, m.
@@ -36,7 +37,7 @@ pub struct BankPoint {
 }
 
 /// A stretch of road with an adhesion of its own.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AdhesionPatch {
     /// Where it begins, m.
@@ -48,7 +49,7 @@ pub struct AdhesionPatch {
 }
 
 /// A stretch on which a lane exists.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LaneStretch {
     /// Which lane.
@@ -60,7 +61,7 @@ pub struct LaneStretch {
 }
 
 /// A line between two lanes that must not be crossed.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SolidLine {
     /// The lane on its right.
@@ -72,7 +73,7 @@ pub struct SolidLine {
 }
 
 /// A stretch with a speed limit.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SpeedLimit {
     /// Where it begins, m.
@@ -84,7 +85,7 @@ pub struct SpeedLimit {
 }
 
 /// The road's parameters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct RoadConfig {
     /// Number of lanes, 1 to 8. The paper does not say; three make its four lane changes possible.

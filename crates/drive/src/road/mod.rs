@@ -9,6 +9,7 @@ mod config;
 mod lanes;
 mod speed;
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use self::config::{
@@ -18,12 +19,12 @@ use self::lanes::LaneMap;
 use crate::config::ConfigError;
 
 /// A lane, counted from the right, starting at 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct LaneIndex(pub u8);
 
 /// A side of the car.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Side {
     /// Towards higher lane indices and larger d.
@@ -38,7 +39,7 @@ impl Side {
 }
 
 /// Whether the road closes on itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Topology {
     /// Closed after `length_m`.

@@ -1,6 +1,7 @@
 //! How a parameter differs from driver to driver.
 
 use lanecraft_net::random::Stream;
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, check_order, check_range};
@@ -9,7 +10,7 @@ use crate::config::{ConfigError, check_order, check_range};
 const SMALLEST_SD: f64 = 1e-3;
 
 /// A distribution over drivers, in the units of the parameter.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Distribution {
     /// The same for everybody.

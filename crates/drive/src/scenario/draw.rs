@@ -64,8 +64,16 @@ impl Draw<'_> {
     }
 
     fn sampled(&self, id: usize, lane: LaneIndex) -> VehicleSpec {
+        self.drawn_from(self.driver(id), lane)
+    }
+
+    /// The vehicle with this index among those that enter `lane` later.
+    pub(super) fn entering(&self, lane: LaneIndex, index: u64) -> VehicleSpec {
+        self.drawn_from(Stream::keyed(self.seed, "traffic.entering", u64::from(lane.0), index), lane)
+    }
+
+    fn drawn_from(&self, mut stream: Stream, lane: LaneIndex) -> VehicleSpec {
         let traffic = self.traffic;
-        let mut stream = self.driver(id);
         let kind = if stream.bernoulli(traffic.truck_share) { VehicleKind::Truck } else { VehicleKind::Car };
         let desired_speed = match kind {
             VehicleKind::Car => traffic.desired_speed_mps,

@@ -1,5 +1,6 @@
 //! Who drives: the parameters that human drivers share and the ranges of those that differ.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::distribution::{Distribution, Keys, keys};
@@ -16,7 +17,7 @@ const USABLE_ADHESION: f64 = 0.95;
 pub(super) const SAFE_MARGIN_M: f64 = 1.0;
 
 /// What kind of vehicle a human drives.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum VehicleKind {
     /// 4.8 m × 1.9 m.
@@ -26,6 +27,14 @@ pub enum VehicleKind {
 }
 
 impl VehicleKind {
+    /// Its name in files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Car => "car",
+            Self::Truck => "truck",
+        }
+    }
+
     /// Length, m.
     pub fn length_m(self) -> f64 {
         match self {
@@ -44,7 +53,7 @@ impl VehicleKind {
 }
 
 /// The human drivers and how many there are. The paper names IDM and MOBIL and gives no number but the road's speed limits.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct TrafficConfig {
     /// Vehicles per kilometer and lane: 14 leaves gaps; from 20 on the flow holds everybody near 20 m/s.

@@ -11,6 +11,8 @@ pub enum Party {
     Ego,
     /// A vehicle, by its index in the scene.
     Vehicle(u32),
+    /// A flow, by its index in the scene.
+    Flow(u32),
 }
 
 impl fmt::Display for Party {
@@ -18,6 +20,7 @@ impl fmt::Display for Party {
         match self {
             Self::Ego => write!(f, "the ego"),
             Self::Vehicle(index) => write!(f, "vehicle {index}"),
+            Self::Flow(index) => write!(f, "flow {index}"),
         }
     }
 }
@@ -32,6 +35,81 @@ pub enum ScenarioError {
     /// A value outside its range.
     #[error(transparent)]
     Config(#[from] ConfigError),
+    /// A bad number of a vehicle.
+    #[error("vehicle {index}: {source}")]
+    Vehicle {
+        /// Index of the vehicle.
+        index: usize,
+        /// The number.
+        source: ConfigError,
+    },
+    /// A bad number of a flow.
+    #[error("flow {index}: {source}")]
+    Flow {
+        /// Index of the flow.
+        index: usize,
+        /// The number.
+        source: ConfigError,
+    },
+    /// A bad number of an event.
+    #[error("event {index}: {source}")]
+    Event {
+        /// Index of the event.
+        index: usize,
+        /// The number.
+        source: ConfigError,
+    },
+    /// An event of a vehicle that is not there.
+    #[error("event {event}: there is no vehicle `{name}` (vehicles with a name: {})", list(known))]
+    UnknownVehicle {
+        /// Index of the event.
+        event: usize,
+        /// The name given.
+        name: String,
+        /// The names that exist.
+        known: Vec<String>,
+    },
+    /// Two vehicles of one name.
+    #[error("vehicle {index} is called `{name}` like one before it; names must differ")]
+    SameName {
+        /// Index of the second.
+        index: usize,
+        /// The name.
+        name: String,
+    },
+    /// A range of something that is no number.
+    #[error("`ranges.{key}`: there is no number `{key}` to draw")]
+    UnknownRange {
+        /// The key given, for example `traffic.truck_share`.
+        key: String,
+        /// The keys that exist.
+        known: Vec<String>,
+    },
+    /// A range whose ends are reversed or no numbers.
+    #[error("`ranges.{key}` is [{low}, {high}], but must go from a number to one that is not smaller")]
+    BadRange {
+        /// The key.
+        key: String,
+        /// Its lower end.
+        low: f64,
+        /// Its upper end.
+        high: f64,
+    },
+    /// Vehicles that enter a road without a beginning.
+    #[error("`flows` need a road with a beginning: set `road.topology = \"open\"`")]
+    FlowOnRing,
+    /// Something else beside recorded vehicles.
+    #[error("`{key}` cannot stand beside `recording`: recorded vehicles would drive through them")]
+    BesideRecording {
+        /// What stands there.
+        key: &'static str,
+    },
+    /// A scene that was to be built without its recording.
+    #[error("the scene needs the recording `{file}`: drive it with `lanecraft scenario run`")]
+    NoRecording {
+        /// Its file.
+        file: String,
+    },
     /// No vehicle at all.
     #[error("the road is empty: write `vehicles` or raise `traffic.density_veh_per_km_lane`")]
     EmptyRoad,
@@ -109,4 +187,49 @@ pub enum ScenarioError {
         /// The largest gap of all lanes, m.
         largest_m: f64,
     },
+}
+
+fn list(names: &[String]) -> String {
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}
+
+impl Party {
+    /// The key of one of its numbers.
+    fn key(self, number: &str) -> String {
+        match self {
+            Self::Ego => format!("ego.{number}"),
+            Self::Vehicle(index) => format!("vehicles.{index}.{number}"),
+            Self::Flow(index) => format!("flows.{index}.{number}"),
+        }
+    }
+}
+
+impl ScenarioError {
+    /// The dotted key in the file that is to blame, with indices from 0: `vehicles.1.s_m`. Empty if there is none.
+    pub fn key(&self) -> String {
+        let within = |list: &str, index: usize, source: &ConfigError| {
+            let last = source.key().split_once('.').map_or("", |(_, rest)| rest);
+            format!("{list}.{index}.{last}")
+        };
+        match self {
+            Self::Parse(_) => String::new(),
+            Self::Config(source) => source.key().to_owned(),
+            Self::Vehicle { index, source } => within("vehicles", *index, source),
+            Self::Flow { index, source } => within("flows", *index, source),
+            Self::Event { index, source } => within("events", *index, source),
+            Self::UnknownVehicle { event, .. } => format!("events.{event}.vehicle"),
+            Self::SameName { index, .. } => format!("vehicles.{index}.name"),
+            Self::UnknownRange { key, .. } | Self::BadRange { key, .. } => format!("ranges.{key}"),
+            Self::FlowOnRing => "flows".to_owned(),
+            Self::BesideRecording { key } => (*key).to_owned(),
+            Self::NoRecording { .. } => "recording.file".to_owned(),
+            Self::EmptyRoad | Self::TooDense { .. } | Self::NoRoomForEgo { .. } => {
+                "traffic.density_veh_per_km_lane".to_owned()
+            }
+            Self::NoSuchLane { who, .. } => who.key("lane"),
+            Self::OffLane { who, .. } | Self::PastStopping { who, .. } => who.key("s_m"),
+            Self::Overlap { second, .. } => second.key("s_m"),
+            Self::Unsafe { follower, .. } => follower.key("s_m"),
+        }
+    }
 }

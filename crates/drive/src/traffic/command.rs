@@ -39,6 +39,13 @@ pub enum Command {
         /// For how many steps.
         steps: u32,
     },
+    /// Brakes at least this hard, and harder where what is ahead asks for it.
+    Brake {
+        /// The deceleration, m/s² (positive).
+        decel_mps2: f64,
+        /// For how many steps.
+        steps: u32,
+    },
     /// Follows a recorded track of one point a step, the next step leading to the first; drives itself after the last.
     Follow(Arc<[TrackPoint]>),
 }
@@ -56,7 +63,7 @@ impl Order {
     /// How many steps it takes in all.
     fn steps(&self) -> i64 {
         match &self.command {
-            Command::Accelerate { steps, .. } => i64::from(*steps),
+            Command::Accelerate { steps, .. } | Command::Brake { steps, .. } => i64::from(*steps),
             Command::Follow(points) => points.len() as i64,
         }
     }
@@ -127,9 +134,13 @@ impl World {
     pub(super) fn obey(&mut self) {
         for order in &self.orders {
             let Some(slot) = self.fleet.slot(order.id) else { continue };
-            if let Command::Accelerate { accel_mps2, .. } = order.command {
-                self.fleet.accel_mps2[slot] = accel_mps2.max(-self.fleet.max_brake_mps2[slot]);
-            }
+            let wish_mps2 = &mut self.fleet.accel_mps2[slot];
+            let accel_mps2 = match order.command {
+                Command::Accelerate { accel_mps2, .. } => accel_mps2,
+                Command::Brake { decel_mps2, .. } => wish_mps2.min(-decel_mps2),
+                Command::Follow(_) => continue,
+            };
+            *wish_mps2 = accel_mps2.max(-self.fleet.max_brake_mps2[slot]);
         }
     }
 
@@ -140,6 +151,9 @@ impl World {
             if let Some(point) = points.get((self.now - order.since_step) as usize) {
                 let s_m = self.road.wrap_m(point.s_m);
                 let from = (self.before_m(slot), self.fleet.d_m[slot]);
+                if self.fleet.target_lane[slot] != point.target_lane.0 {
+                    self.fleet.changed_step[slot] = self.now;
+                }
                 place(&mut self.fleet, slot, &TrackPoint { s_m, ..*point }, from);
             }
         }

@@ -13,6 +13,7 @@ impl World {
         add(self.seed());
         self.ego.iter().flat_map(|ego| ego.digest_words(self.now)).for_each(&mut add);
         self.fleet.by_id().flat_map(|slot| self.digest_words(slot)).for_each(&mut add);
+        self.script.iter().flat_map(|script| script.digest_words()).for_each(&mut add);
         hash
     }
 

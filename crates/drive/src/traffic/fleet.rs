@@ -226,6 +226,17 @@ impl Fleet {
         self.number_slots(slot..top + 1);
     }
 
+    /// Gives the vehicle in this slot another driver.
+    pub(super) fn set_driver(&mut self, slot: usize, driver: IdmParams) {
+        let terms = IdmTerms::from(&driver);
+        (self.driver[slot], self.terms[slot]) = (driver, terms);
+        self.per_desired_speed_spm[slot] = terms.per_desired_speed_spm;
+        self.time_headway_s[slot] = terms.time_headway_s;
+        self.min_gap_m[slot] = terms.min_gap_m;
+        self.max_accel_mps2[slot] = terms.max_accel_mps2;
+        self.per_braking_scale_s2pm[slot] = terms.per_braking_scale_s2pm;
+    }
+
     /// Sets the lanes of the vehicle in this slot.
     pub(super) fn occupy(&mut self, slot: usize, lane: u8, target_lane: u8) {
         (self.lane[slot], self.target_lane[slot]) = (lane, target_lane);

@@ -82,6 +82,11 @@ impl World {
 
     /// Whether `i` in `lane` would be safe behind its leaders and its followers behind it.
     fn is_safe(&self, i: usize, lane: u8, around: Around) -> bool {
+        self.is_safe_among_humans(i, lane, around) && self.is_safe_for_ego(i, lane)
+    }
+
+    /// The same, the ego left out.
+    pub(super) fn is_safe_among_humans(&self, i: usize, lane: u8, around: Around) -> bool {
         let speed_mps = self.fleet.speed_mps[i];
         let behind_is_safe = around.behind.is_none_or(|j| {
             self.fleet.gap_m(j, i) >= self.limits(j, false).required_gap_m(self.fleet.speed_mps[j], speed_mps)
@@ -91,14 +96,11 @@ impl World {
         });
         let end_m = self.obstacle_gap_m(i, lane);
         let end_is_safe = end_m == f64::INFINITY || end_m >= self.limits(i, false).required_gap_m(speed_mps, 0.0);
-        behind_is_safe
-            && ahead_is_safe
-            && end_is_safe
-            && self.stops_before_end(i, lane)
-            && self.is_safe_for_ego(i, lane)
+        behind_is_safe && ahead_is_safe && end_is_safe && self.stops_before_end(i, lane)
     }
 
-    fn is_safe_for_ego(&self, i: usize, lane: u8) -> bool {
+    /// Whether the distances to the ego would be safe, too.
+    pub(super) fn is_safe_for_ego(&self, i: usize, lane: u8) -> bool {
         let Some(ego) = self.ego.as_ref().filter(|ego| ego.occupies(lane)) else { return true };
         let speed_mps = self.fleet.speed_mps[i];
         let (ahead, gap_m) = ego.gap_m(&self.fleet, i);

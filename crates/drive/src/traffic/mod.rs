@@ -14,6 +14,7 @@ mod collision;
 mod command;
 mod digest;
 mod fleet;
+mod flow;
 mod following;
 mod lane_choice;
 mod mandatory;
@@ -21,6 +22,8 @@ mod motion;
 mod neighbors;
 mod overlaps;
 mod placement;
+mod recorded;
+mod script;
 mod world;
 
 pub use collision::{Collision, FaultClass};

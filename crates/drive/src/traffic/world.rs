@@ -9,6 +9,7 @@ use super::collision::{Collision, FaultClass, touch_in_step};
 use super::command::{Command, Order};
 use super::fleet::{Fleet, NEVER, Vehicle, steps};
 use super::following::{Leaders, Obstacle};
+use super::script::Script;
 use crate::models::car_following::Leader;
 use crate::models::safe_distance::BrakingLimits;
 use crate::road::{LaneIndex, Road, Topology};
@@ -102,8 +103,16 @@ impl Ego {
         self.body.s_m
     }
 
+    pub(super) fn d_m(&self) -> f64 {
+        self.body.d_m
+    }
+
     pub(super) fn half_length_m(&self) -> f64 {
         self.half_m.0
+    }
+
+    pub(super) fn half_width_m(&self) -> f64 {
+        self.half_m.1
     }
 
     /// Whether its center is ahead of that of the vehicle in slot `i`, and the gap between them, m.
@@ -144,6 +153,8 @@ pub struct World {
     trust: [BrakingLimits; 2],
     seed: u64,
     ego_start: (f64, LaneIndex, f64),
+    /// What the scenario has happen later, if anything.
+    pub(super) script: Option<Box<Script>>,
 }
 
 impl World {
@@ -171,11 +182,13 @@ impl World {
             trust: [false, true].map(|ego| scenario.traffic.braking_limits(0.0, ego, road)),
             seed: scenario.seed,
             ego_start: (0.0, LaneIndex(0), 0.0),
+            script: Script::new(scenario),
         };
         world.leaders.resize(world.fleet.len());
         while world.now < 0 {
             let _ = world.step_alone(WARM_UP_STEP_S);
         }
+        world.begin_script();
         world.ego_start = world.place_ego(scenario)?;
         Ok(world)
     }
@@ -218,6 +231,7 @@ impl World {
     /// state, then all move; `ego` is the ego's body after the step.
     pub fn step(&mut self, ego: ExternalBody, dt_s: f64) -> StepEvents {
         debug_assert!([ego.s_m, ego.d_m, ego.heading_rad, ego.speed_mps].iter().all(|value| value.is_finite()));
+        self.run_script(dt_s);
         self.end_orders();
         self.start_stress_brakes(dt_s);
         let (lane_changes, hdv_overlaps) = self.step_humans(dt_s);
@@ -235,6 +249,9 @@ impl World {
     /// One step of a road without an ego.
     pub fn step_alone(&mut self, dt_s: f64) -> StepEvents {
         self.ego = None;
+        if self.now >= 0 {
+            self.run_script(dt_s);
+        }
         self.end_orders();
         let (lane_changes, hdv_overlaps) = self.step_humans(dt_s);
         self.now += 1;

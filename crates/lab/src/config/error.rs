@@ -43,17 +43,9 @@ pub enum SectionError {
 impl SectionError {
     /// The key it is about; empty if it names none that is known here.
     pub(super) fn key(&self) -> &'static str {
-        use lanecraft_drive::config::ConfigError;
         match self {
             Self::Learn(error) => error.key,
-            Self::Drive(
-                ConfigError::OutOfRange { key, .. }
-                | ConfigError::NotAMultiple { key, .. }
-                | ConfigError::WrongLength { key, .. }
-                | ConfigError::Reversed { low_key: key, .. },
-            ) => key,
-            Self::Drive(ConfigError::NoWayOut { .. }) => "road.lanes_open",
-            Self::Drive(_) => "",
+            Self::Drive(error) => error.key(),
         }
     }
 }

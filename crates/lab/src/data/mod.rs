@@ -4,4 +4,5 @@ pub mod events;
 mod table;
 pub mod traffic;
 
+pub(crate) use table::Table;
 pub use table::{TableError, TableErrorKind};

@@ -70,7 +70,7 @@ pub enum TableErrorKind {
 }
 
 /// A table that is read row by row.
-pub(super) struct Table {
+pub(crate) struct Table {
     path: PathBuf,
     reader: csv::Reader<Box<dyn Read>>,
     header: csv::StringRecord,
@@ -80,7 +80,7 @@ pub(super) struct Table {
 
 impl Table {
     /// Opens the table at `path`, which is compressed if its name ends in `.gz`, and looks for `columns`.
-    pub(super) fn open(path: &Path, columns: &[&'static str]) -> Result<Self, TableError> {
+    pub(crate) fn open(path: &Path, columns: &[&'static str]) -> Result<Self, TableError> {
         let at = |line, kind| TableError { path: path.to_owned(), line, kind };
         let file = File::open(path).map_err(|error| at(0, TableErrorKind::Open(error)))?;
         let content: Box<dyn Read> = if path.extension().is_some_and(|end| end == "gz") {
@@ -97,7 +97,7 @@ impl Table {
     }
 
     /// Goes to the next row; false after the last one. A table without rows is an error.
-    pub(super) fn next(&mut self) -> Result<bool, TableError> {
+    pub(crate) fn next(&mut self) -> Result<bool, TableError> {
         match self.reader.read_record(&mut self.row) {
             Ok(true) => {
                 self.rows += 1;
@@ -113,24 +113,24 @@ impl Table {
     }
 
     /// An error in the present row.
-    pub(super) fn error(&self, kind: TableErrorKind) -> TableError {
+    pub(crate) fn error(&self, kind: TableErrorKind) -> TableError {
         let line = self.row.position().map_or(0, csv::Position::line);
         TableError { path: self.path.clone(), line, kind }
     }
 
     /// An error of the file as a whole.
-    pub(super) fn error_of_file(&self, kind: TableErrorKind) -> TableError {
+    pub(crate) fn error_of_file(&self, kind: TableErrorKind) -> TableError {
         TableError { path: self.path.clone(), line: 0, kind }
     }
 
     /// The field in `column`, one of the columns that were looked for.
-    pub(super) fn text(&self, column: &'static str) -> Result<&str, TableError> {
+    pub(crate) fn text(&self, column: &'static str) -> Result<&str, TableError> {
         let index = self.header.iter().position(|name| name == column);
         index.and_then(|index| self.row.get(index)).ok_or_else(|| self.error(TableErrorKind::MissingColumn { column }))
     }
 
     /// The number in `column`, which must lie in `min..=max`.
-    pub(super) fn number(&self, column: &'static str, (min, max): (f64, f64)) -> Result<f64, TableError> {
+    pub(crate) fn number(&self, column: &'static str, (min, max): (f64, f64)) -> Result<f64, TableError> {
         let text = self.text(column)?;
         match text.trim().parse::<f64>() {
             Ok(value) if (min..=max).contains(&value) => Ok(value),
@@ -139,7 +139,7 @@ impl Table {
     }
 
     /// The whole number in `column`, of either sign.
-    pub(super) fn integer(&self, column: &'static str) -> Result<i32, TableError> {
+    pub(crate) fn integer(&self, column: &'static str) -> Result<i32, TableError> {
         let text = self.text(column)?;
         let (min, max) = (f64::from(i32::MIN), f64::from(i32::MAX));
         let bad = |_| self.error(TableErrorKind::BadNumber { column, value: text.to_owned(), min, max });
@@ -147,7 +147,7 @@ impl Table {
     }
 
     /// The whole number in `column`, not below 0.
-    pub(super) fn index(&self, column: &'static str) -> Result<u32, TableError> {
+    pub(crate) fn index(&self, column: &'static str) -> Result<u32, TableError> {
         let text = self.text(column)?;
         text.trim().parse().map_err(|_| {
             self.error(TableErrorKind::BadNumber { column, value: text.to_owned(), min: 0.0, max: f64::from(u32::MAX) })
@@ -155,7 +155,7 @@ impl Table {
     }
 
     /// The position among `allowed` of the word in `column`.
-    pub(super) fn word(&self, column: &'static str, allowed: &'static [&'static str]) -> Result<usize, TableError> {
+    pub(crate) fn word(&self, column: &'static str, allowed: &'static [&'static str]) -> Result<usize, TableError> {
         let text = self.text(column)?;
         allowed
             .iter()
