@@ -21,12 +21,18 @@ const LANE_PX: f64 = 19.0;
 const PATHS_PX: (f64, f64) = (44.0, 250.0);
 /// Height of each of the two strips below it, px.
 const STRIP_PX: f64 = 62.0;
+/// Pieces of the road at the start whose lanes and grip are looked at.
+const STRETCHES: u32 = 200;
 /// Frames between two points of a line.
 const STRIDE: usize = 20;
 /// Speeds from slow to fast: what each color begins at, m/s.
 const SPEED_COLORS: [(f64, &str); 6] =
     [(0.0, "#a50026"), (3.0, "#e34a33"), (10.0, "#f4a13a"), (16.0, "#8fb84a"), (21.0, "#2c9c8f"), (27.0, "#2a6fb5")];
 const EGO: &str = "#111111";
+/// Where there is no lane, where the road is slippery, and the speed limit.
+const NO_LANE: &str = "#b9b9b9";
+const SLIPPERY: &str = "#bfe0f5";
+const LIMIT: &str = "#c2185b";
 
 /// The picture of a recorded episode on `road`.
 pub fn picture(title: &str, trace: &Trace, road: &Road) -> String {
@@ -42,7 +48,7 @@ pub fn picture(title: &str, trace: &Trace, road: &Road) -> String {
     let lateral_top_px = paths_top_px + PATHS_PX.1 + 26.0;
     drawing.lateral(&frames, road, lateral_top_px);
     let speed_top_px = lateral_top_px + STRIP_PX + 22.0;
-    drawing.speed(&frames, speed_top_px);
+    drawing.speed(&frames, road, speed_top_px);
     let height_px = speed_top_px + STRIP_PX + 62.0;
     drawing.legend(height_px - 16.0);
     format!(
@@ -98,6 +104,16 @@ impl Drawing {
             "<rect x=\"{LEFT_PX}\" y=\"{top_px}\" width=\"{PLOT_PX}\" height=\"{:.1}\" fill=\"#e6e6e6\"/>",
             lanes * LANE_PX
         );
+        let start_m = first.ego.s_m;
+        let places =
+            || (0..=STRETCHES).map(|k| WINDOW_M.0 + f64::from(k) * (WINDOW_M.1 - WINDOW_M.0) / f64::from(STRETCHES));
+        let slippery = stretches(places().map(|m| (x_of_ahead(m), is_slippery(road, road.wrap_m(start_m + m)))));
+        self.shade(&slippery, (top_px, lanes * LANE_PX), SLIPPERY);
+        for lane in road.lanes() {
+            let missing =
+                stretches(places().map(|m| (x_of_ahead(m), !road.lane_holds(lane, road.wrap_m(start_m + m), 0.0))));
+            self.shade(&missing, (bottom_px - f64::from(lane.0 + 1) * LANE_PX, LANE_PX), NO_LANE);
+        }
         for lane in 1..road.config().lanes {
             let y = bottom_px - f64::from(lane) * LANE_PX;
             let _ = writeln!(
@@ -114,6 +130,16 @@ impl Drawing {
             self.text((x_of_ahead(ahead_m), bottom_px + 15.0), "middle", &format!("{ahead_m:.0} m"));
         }
         self.text((LEFT_PX - 8.0, 0.5 * (top_px + bottom_px) + 4.0), "end", "start");
+    }
+
+    /// Rectangles over these stretches from left to right, with this top and height.
+    fn shade(&mut self, stretches: &[(f64, f64)], (top_px, height_px): (f64, f64), color: &str) {
+        for (from, to) in stretches {
+            let width = to - from;
+            self.line(&format!(
+                "<rect x=\"{from:.1}\" y=\"{top_px:.1}\" width=\"{width:.1}\" height=\"{height_px:.1}\" fill=\"{color}\"/>"
+            ));
+        }
     }
 
     fn body(&mut self, ahead_m: f64, y_px: f64, length_m: f64, color: &str) {
@@ -167,8 +193,16 @@ impl Drawing {
         self.frame(top_px, STRIP_PX);
         let (right_m, left_m) = road.edges_m();
         let y_px = |d_m: f64| top_px + STRIP_PX * (left_m - d_m) / (left_m - right_m);
-        for lane in road.lanes() {
+        let over_time = |is: &dyn Fn(f64) -> bool| {
+            stretches(frames.iter().map(|frame| (self.x_of_time(frame.time_s), is(road.wrap_m(frame.ego.s_m)))))
+        };
+        let slippery = over_time(&|s_m| is_slippery(road, s_m));
+        let missing: Vec<_> = road.lanes().map(|lane| over_time(&|s_m| !road.lane_holds(lane, s_m, 0.0))).collect();
+        self.shade(&slippery, (top_px, STRIP_PX), SLIPPERY);
+        for (lane, missing) in road.lanes().zip(&missing) {
             let y = y_px(road.lane_center_m(lane));
+            let lane_px = STRIP_PX / f64::from(road.config().lanes);
+            self.shade(missing, (y - 0.5 * lane_px, lane_px), NO_LANE);
             self.line(&format!("<path d=\"M{LEFT_PX} {y:.1}h{PLOT_PX}\" stroke=\"#ddd\"/>"));
             // More than four numbers would run into each other.
             if lane.0 % (1 + road.config().lanes / 5) == 0 {
@@ -176,17 +210,38 @@ impl Drawing {
             }
         }
         self.curve(frames, |frame| y_px(frame.ego.d_m));
-        self.text((LEFT_PX, top_px - 6.0), "start", "the ego's lane");
+        let mut label = "the ego's lane".to_owned();
+        if missing.iter().any(|stretches| !stretches.is_empty()) {
+            label += "; gray: no lane there";
+        }
+        if !slippery.is_empty() {
+            label += "; blue: slippery";
+        }
+        self.text((LEFT_PX, top_px - 6.0), "start", &label);
     }
 
-    fn speed(&mut self, frames: &[&Frame], top_px: f64) {
+    fn speed(&mut self, frames: &[&Frame], road: &Road, top_px: f64) {
         self.frame(top_px, STRIP_PX);
         let y_px = |speed_mps: f64| top_px + STRIP_PX * (1.0 - speed_mps / 40.0);
         for speed_mps in [0.0, 20.0, 40.0] {
             self.text((LEFT_PX - 6.0, y_px(speed_mps) + 4.0), "end", &format!("{speed_mps:.0}"));
         }
+        let mut label = "its speed, m/s";
+        if !road.config().speed_limits.is_empty() {
+            label = "its speed and the limit (red), m/s";
+            let mut path = ColoredPath::default();
+            for frame in frames {
+                let limit_mps = road.speed_limit_mps(road.wrap_m(frame.ego.s_m));
+                if limit_mps <= 40.0 {
+                    path.point((self.x_of_time(frame.time_s), y_px(limit_mps)), LIMIT);
+                } else {
+                    path.lift();
+                }
+            }
+            self.line(&path.finish());
+        }
         self.curve(frames, |frame| y_px(frame.ego.speed_mps));
-        self.text((LEFT_PX, top_px - 6.0), "start", "its speed, m/s");
+        self.text((LEFT_PX, top_px - 6.0), "start", label);
         let step_s = if self.duration_s > 30.0 { 10.0 } else { 5.0 };
         for k in 0..=(self.duration_s / step_s) as u32 {
             let time_s = f64::from(k) * step_s;
@@ -220,6 +275,25 @@ impl Drawing {
         self.text((x + 15.0, y_px), "start", label);
         *x_px += 32.0 + 6.6 * label.chars().count() as f64;
     }
+}
+
+fn is_slippery(road: &Road, s_m: f64) -> bool {
+    road.adhesion_at(s_m) < road.adhesion()
+}
+
+/// The stretches from left to right on which something holds, given at points.
+fn stretches(points: impl Iterator<Item = (f64, bool)>) -> Vec<(f64, f64)> {
+    let mut found: Vec<(f64, f64)> = Vec::new();
+    let mut open = false;
+    for (x, holds) in points {
+        match (holds, open) {
+            (true, true) => found.last_mut().expect("one is open").1 = x,
+            (true, false) => found.push((x, x)),
+            (false, _) => {}
+        }
+        open = holds;
+    }
+    found
 }
 
 fn x_of_ahead(ahead_m: f64) -> f64 {
