@@ -1,8 +1,16 @@
 //! Recorded traffic, read strictly: every value is checked where it enters, and an error names file, line and column.
 
+mod commonroad;
+mod error;
 pub mod events;
+mod highd;
+pub mod inspect;
+mod ngsim;
+pub mod read;
+pub mod recording;
 mod table;
 pub mod traffic;
 
+pub use error::{DataError, XmlErrorKind};
 pub(crate) use table::Table;
 pub use table::{TableError, TableErrorKind};

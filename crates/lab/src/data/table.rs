@@ -1,8 +1,10 @@
-//! Comma-separated tables with named columns.
+//! Tables with named columns, separated by commas or by blanks.
 
+use std::cell::Cell;
 use std::fs::File;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 
 use flate2::read::MultiGzDecoder;
 
@@ -69,6 +71,92 @@ pub enum TableErrorKind {
     },
 }
 
+/// How a table's fields are separated and named.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Layout {
+    /// By commas; the first row holds the names.
+    Named,
+    /// By commas; the first row holds the names, in letters of either case, which are read as small ones.
+    NamedInAnyCase,
+    /// By commas; there are no names, but the columns are these.
+    Commas(&'static [&'static str]),
+    /// The same by blanks.
+    Blanks(&'static [&'static str]),
+}
+
+/// The content of the file at `path`, decompressed if its name ends in `.gz`.
+pub(super) fn content(path: &Path) -> std::io::Result<Box<dyn Read>> {
+    let file = File::open(path)?;
+    let packed = path.extension().is_some_and(|end| end == "gz");
+    Ok(if packed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) })
+}
+
+/// The longest row, bytes: a quote that is never closed must not swallow a file into memory.
+const LONGEST_ROW: usize = 1 << 20;
+
+/// Drops carriage returns, which would let the lines of the reader behind it lag by one, and ends where a row does not.
+struct Rows<R> {
+    inner: R,
+    /// Bytes since the last row was complete.
+    since_row: Rc<Cell<usize>>,
+}
+
+impl<R: Read> Read for Rows<R> {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        loop {
+            let count = self.inner.read(out)?;
+            self.since_row.set(self.since_row.get() + count);
+            if self.since_row.get() > LONGEST_ROW {
+                return Err(std::io::Error::other("a row is longer than 1 MiB; is a quote left open?"));
+            }
+            let mut kept = 0;
+            for index in 0..count {
+                if out[index] != b'\r' {
+                    out[kept] = out[index];
+                    kept += 1;
+                }
+            }
+            // Nothing kept of something read must not look like the end.
+            if kept > 0 || count == 0 {
+                return Ok(kept);
+            }
+        }
+    }
+}
+
+/// Puts one comma for each run of blanks between fields and none at the ends of a line.
+struct BlanksAsCommas<R> {
+    inner: R,
+    line_begun: bool,
+    blank_seen: bool,
+}
+
+impl<R: BufRead> Read for BlanksAsCommas<R> {
+    fn read(&mut self, out: &mut [u8]) -> std::io::Result<usize> {
+        let mut written = 0;
+        while written < out.len() {
+            let Some(&byte) = self.inner.fill_buf()?.first() else { break };
+            match byte {
+                b' ' | b'\t' => self.blank_seen = true,
+                b'\n' => (self.line_begun, self.blank_seen) = (false, false),
+                _ if self.blank_seen && self.line_begun => {
+                    self.blank_seen = false;
+                    out[written] = b',';
+                    written += 1;
+                    continue;
+                }
+                _ => (self.line_begun, self.blank_seen) = (true, false),
+            }
+            self.inner.consume(1);
+            if !self.blank_seen {
+                out[written] = byte;
+                written += 1;
+            }
+        }
+        Ok(written)
+    }
+}
+
 /// A table that is read row by row.
 pub(crate) struct Table {
     path: PathBuf,
@@ -76,28 +164,50 @@ pub(crate) struct Table {
     header: csv::StringRecord,
     row: csv::StringRecord,
     rows: u64,
+    since_row: Rc<Cell<usize>>,
 }
 
 impl Table {
     /// Opens the table at `path`, which is compressed if its name ends in `.gz`, and looks for `columns`.
     pub(crate) fn open(path: &Path, columns: &[&'static str]) -> Result<Self, TableError> {
+        Self::open_as(path, Layout::Named, columns)
+    }
+
+    /// The same for a table of any layout.
+    pub(super) fn open_as(path: &Path, layout: Layout, columns: &[&'static str]) -> Result<Self, TableError> {
         let at = |line, kind| TableError { path: path.to_owned(), line, kind };
-        let file = File::open(path).map_err(|error| at(0, TableErrorKind::Open(error)))?;
-        let content: Box<dyn Read> = if path.extension().is_some_and(|end| end == "gz") {
-            Box::new(MultiGzDecoder::new(file))
-        } else {
-            Box::new(file)
+        let content = content(path).map_err(|error| at(0, TableErrorKind::Open(error)))?;
+        let since_row = Rc::new(Cell::new(0));
+        let mut content: Box<dyn Read> = Box::new(Rows { inner: content, since_row: Rc::clone(&since_row) });
+        if let Layout::Blanks(_) = layout {
+            let inner = BufReader::new(content);
+            content = Box::new(BlanksAsCommas { inner, line_begun: false, blank_seen: false });
+        }
+        let named = matches!(layout, Layout::Named | Layout::NamedInAnyCase);
+        let mut reader = csv::ReaderBuilder::new().has_headers(named).from_reader(content);
+        let header = match layout {
+            Layout::Commas(columns) | Layout::Blanks(columns) => csv::StringRecord::from(columns.to_vec()),
+            Layout::Named | Layout::NamedInAnyCase => {
+                let header = reader.headers().map_err(|error| at(1, TableErrorKind::Row(error)))?;
+                let any_case = layout == Layout::NamedInAnyCase;
+                let name = |name: &str| if any_case { name.trim().to_ascii_lowercase() } else { name.to_owned() };
+                header.iter().map(name).collect()
+            }
         };
-        let mut reader = csv::Reader::from_reader(content);
-        let header = reader.headers().map_err(|error| at(1, TableErrorKind::Row(error)))?.clone();
         if let Some(column) = columns.iter().find(|column| !header.iter().any(|name| name == **column)) {
             return Err(at(1, TableErrorKind::MissingColumn { column }));
         }
-        Ok(Self { path: path.to_owned(), reader, header, row: csv::StringRecord::new(), rows: 0 })
+        Ok(Self { path: path.to_owned(), reader, header, row: csv::StringRecord::new(), rows: 0, since_row })
+    }
+
+    /// Whether there is a column of this name.
+    pub(super) fn has(&self, column: &str) -> bool {
+        self.header.iter().any(|name| name == column)
     }
 
     /// Goes to the next row; false after the last one. A table without rows is an error.
     pub(crate) fn next(&mut self) -> Result<bool, TableError> {
+        self.since_row.set(0);
         match self.reader.read_record(&mut self.row) {
             Ok(true) => {
                 self.rows += 1;
@@ -138,6 +248,26 @@ impl Table {
         }
     }
 
+    /// The number in `column`, which must lie in `min..=max`, and whose thousands may be set apart by commas: `1,156`.
+    pub(super) fn grouped(&self, column: &'static str, (min, max): (f64, f64)) -> Result<f64, TableError> {
+        let text = self.text(column)?;
+        match ungrouped(text.trim()).and_then(|digits| digits.parse::<f64>().ok()) {
+            Some(value) if (min..=max).contains(&value) => Ok(value),
+            _ => Err(self.error(TableErrorKind::BadNumber { column, value: text.to_owned(), min, max })),
+        }
+    }
+
+    /// The whole number in `column`, not below 0, thousands set apart or not.
+    pub(super) fn grouped_index(&self, column: &'static str) -> Result<u32, TableError> {
+        let range = (0.0, f64::from(u32::MAX));
+        let value = self.grouped(column, range)?;
+        if value.fract() != 0.0 {
+            let value = self.text(column)?.to_owned();
+            return Err(self.error(TableErrorKind::BadNumber { column, value, min: range.0, max: range.1 }));
+        }
+        Ok(value as u32)
+    }
+
     /// The whole number in `column`, of either sign.
     pub(crate) fn integer(&self, column: &'static str) -> Result<i32, TableError> {
         let text = self.text(column)?;
@@ -161,5 +291,75 @@ impl Table {
             .iter()
             .position(|word| *word == text)
             .ok_or_else(|| self.error(TableErrorKind::BadWord { column, value: text.to_owned(), allowed }))
+    }
+}
+
+/// `text` without the commas between its thousands; none if a comma stands elsewhere, as in `12,5`.
+fn ungrouped(text: &str) -> Option<String> {
+    let (whole, fraction) = text.split_once('.').map_or((text, None), |(whole, fraction)| (whole, Some(fraction)));
+    let mut groups = whole.split(',');
+    let first = groups.next().unwrap_or_default();
+    let mut digits = first.to_owned();
+    for group in groups {
+        if group.len() != 3
+            || first.trim_start_matches(['-', '+']).len() > 3
+            || fraction.is_some_and(|f| f.contains(','))
+        {
+            return None;
+        }
+        digits += group;
+    }
+    if let Some(fraction) = fraction {
+        digits = digits + "." + fraction;
+    }
+    Some(digits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commas_stand_between_thousands_only() {
+        for (text, expected) in [
+            ("1,156", Some("1156")),
+            ("-12,345,678.5", Some("-12345678.5")),
+            ("1156", Some("1156")),
+            ("12,5", None),
+            ("1234,567", None),
+            ("1,15,600", None),
+        ] {
+            assert_eq!(ungrouped(text).as_deref(), expected, "{text}");
+        }
+    }
+
+    #[test]
+    fn runs_of_blanks_become_single_commas_however_small_the_pieces() {
+        let text = "  1  2\t3 \n\n 4 5 6";
+        for capacity in [1, 2, 3, 64] {
+            let inner = BufReader::with_capacity(capacity, text.as_bytes());
+            let mut out = String::new();
+            BlanksAsCommas { inner, line_begun: false, blank_seen: false }.read_to_string(&mut out).unwrap();
+            assert_eq!(out, "1,2,3\n\n4,5,6");
+        }
+    }
+
+    #[test]
+    fn a_quote_left_open_does_not_swallow_the_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.csv");
+        std::fs::write(&path, format!("a,b\n1,\"2\n{}", "3,4\n".repeat(LONGEST_ROW / 2))).unwrap();
+        let error = Table::open(&path, &["b"]).unwrap().next().unwrap_err().to_string();
+        assert!(error.contains("longer than 1 MiB; is a quote left open?"), "{error}");
+    }
+
+    #[test]
+    fn lines_are_counted_where_they_end_in_returns_too() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.csv");
+        std::fs::write(&path, "a,b\r\n1,2\r\n3,x\r\n").unwrap();
+        let mut table = Table::open(&path, &["b"]).unwrap();
+        assert!(table.next().unwrap() && table.index("b").is_ok() && table.next().unwrap());
+        assert_eq!(table.index("b").unwrap_err().line, 3);
     }
 }
