@@ -3,6 +3,7 @@
 mod commonroad;
 mod error;
 pub mod events;
+pub mod extract;
 mod highd;
 pub mod inspect;
 mod ngsim;
