@@ -1,6 +1,7 @@
 //! The commands, one file each: check the arguments, call the library, print what it found.
 
 pub(crate) mod bench;
+pub(crate) mod data;
 pub(crate) mod evaluate;
 pub(crate) mod irl;
 pub(crate) mod maneuvers;
@@ -34,6 +35,8 @@ pub(crate) enum Command {
     Traffic(traffic::Traffic),
     #[command(subcommand)]
     Scenario(scenario::Scenario),
+    #[command(subcommand)]
+    Data(data::Data),
 }
 
 /// Runs the command.
@@ -51,5 +54,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Study(command) => command.run(output),
         Command::Traffic(traffic::Traffic::Calibrate(command)) => command.run(output),
         Command::Scenario(command) => command.run(output),
+        Command::Data(data::Data::Inspect(command)) => command.run(),
+        Command::Data(data::Data::Extract(command)) => command.run(output),
     }
 }

@@ -73,6 +73,12 @@ const REFUSED: &[(&str, &[&str])] = &[
     ("train --out new --config binary.toml", &["cannot read binary.toml"]),
     ("train --out new --config missing.toml", &["cannot read missing.toml"]),
     ("train --out new --config photos", &["cannot read photos"]),
+    // Recordings.
+    ("data inspect photos", &["this is a folder"]),
+    ("data inspect photos/dog.jpg", &["there is no such file"]),
+    ("data inspect misspelt.toml", &["misspelt.toml, line 1", "begins no recording that is known"]),
+    ("data extract binary.toml --out new", &["binary.toml, line 1", "begins no recording that is known"]),
+    ("data extract misspelt.toml", &["--out"]),
     // Names.
     ("trian", &["'train'"]),
     ("train --out new --preset papr", &["papr", "paper"]),
@@ -147,7 +153,7 @@ fn bad_input_is_refused_by_name_and_nothing_is_written() {
 fn help_shows_examples_for_every_command() {
     let folder = tempfile::tempdir().unwrap();
     let commands = ["", "quickstart", "irl fit", "train", "evaluate", "report", "replay", "bench", "traffic calibrate"];
-    for command in commands.into_iter().chain(["scenario", "scenario run"]) {
+    for command in commands.into_iter().chain(["scenario", "scenario run", "data inspect", "data extract"]) {
         let output = lanecraft(folder.path(), &format!("{command} --help"));
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         assert_eq!(output.status.code(), Some(0), "{command}");
