@@ -1,9 +1,13 @@
 //! Products of small matrices and short vectors, summed in a fixed order.
 
+// As in the recursion that they serve: the compiler alone inlines them in one program and not in another.
+#![allow(clippy::inline_always)]
+
 pub(crate) type Vector<const N: usize> = [f64; N];
 /// Row by row.
 pub(crate) type Matrix<const N: usize, const M: usize> = [[f64; M]; N];
 
+#[inline(always)]
 pub(crate) fn inner<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> f64 {
     // Adding to -0 changes nothing, so that the first additions vanish.
     let mut sums = [-0.0; 2];
@@ -14,6 +18,7 @@ pub(crate) fn inner<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> f64 {
 }
 
 /// y + A x.
+#[inline(always)]
 pub(crate) fn add_product<const N: usize, const M: usize>(
     mut y: Vector<N>,
     a: &Matrix<N, M>,
@@ -28,6 +33,7 @@ pub(crate) fn add_product<const N: usize, const M: usize>(
 }
 
 /// A'x.
+#[inline(always)]
 pub(crate) fn transpose_product<const N: usize, const M: usize>(a: &Matrix<N, M>, x: &Vector<N>) -> Vector<M> {
     let mut y = [0.0; M];
     for i in 0..N {
@@ -39,6 +45,7 @@ pub(crate) fn transpose_product<const N: usize, const M: usize>(a: &Matrix<N, M>
 }
 
 /// y + t x.
+#[inline(always)]
 pub(crate) fn add_scaled<const N: usize>(mut y: Vector<N>, t: f64, x: &Vector<N>) -> Vector<N> {
     for i in 0..N {
         y[i] += t * x[i];
@@ -47,6 +54,7 @@ pub(crate) fn add_scaled<const N: usize>(mut y: Vector<N>, t: f64, x: &Vector<N>
 }
 
 /// A B.
+#[inline(always)]
 pub(crate) fn product<const N: usize, const L: usize, const M: usize>(
     a: &Matrix<N, L>,
     b: &Matrix<L, M>,

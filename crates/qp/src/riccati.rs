@@ -1,5 +1,9 @@
 //! Riccati factorization of the cost in the inputs, and the sweeps that use it (docs/qp.md, Eqs. 3 to 8).
 
+// Left to itself the compiler inlines a step of the recursion in one program and not in another, which costs a quarter of a solve
+// whose matrices are new.
+#![allow(clippy::inline_always)]
+
 use crate::linalg::{Block, Matrix, Vector, add_product, add_scaled, inner, larger, product, transpose_product};
 use crate::mirror::StageMirror;
 use crate::problem::{Problem, Row, Stage};
@@ -204,6 +208,7 @@ pub(crate) struct BackwardStep<const NX: usize> {
 }
 
 /// Eq. 3: S, K and L, and the cost L'P L + K'R K at the start of the step, for (A, B), P and R.
+#[inline(always)]
 pub(crate) fn backward_step<const NX: usize>(
     (a, b): (&Matrix<NX, NX>, &Vector<NX>),
     cost_to_go: &Matrix<NX, NX>,
@@ -221,7 +226,7 @@ pub(crate) fn backward_step<const NX: usize>(
 }
 
 /// L'P L + K'R K with L = A - B K: a sum of squares, so that rounding cannot make it indefinite (Joseph's form).
-#[inline]
+#[inline(always)]
 pub(crate) fn symmetric_step<const NX: usize>(
     cost_to_go: &Matrix<NX, NX>,
     closed_loop: &Matrix<NX, NX>,

@@ -36,6 +36,8 @@ pub fn infinite_horizon_weight<const NX: usize>(
 }
 
 /// M + diag(weights).
+#[allow(clippy::inline_always)] // as in `riccati.rs`, which calls it at each stage
+#[inline(always)]
 pub(crate) fn with_diagonal<const N: usize>(mut matrix: Matrix<N, N>, weights: &Vector<N>) -> Matrix<N, N> {
     for (i, weight) in weights.iter().enumerate() {
         matrix[i][i] += weight;
