@@ -11,13 +11,14 @@ use std::path::{Path, PathBuf};
 /// Each module of `drive` with the modules it may name; any module may name itself.
 const MODULES: &[(&str, &[&str])] = &[
     ("config", &[]),
+    ("snapshot", &["config"]),
     ("road", &["config"]),
     ("vehicle", &["config", "road"]),
     ("models", &["config", "road", "vehicle"]),
     ("scene", &["config", "road", "vehicle", "models"]),
     // The world and what is seen of it.
     ("scenario", &["config", "road", "vehicle", "models", "scene"]),
-    ("traffic", &["config", "road", "vehicle", "models", "scene", "scenario"]),
+    ("traffic", &["config", "snapshot", "road", "vehicle", "models", "scene", "scenario"]),
     ("perceive", &["config", "road", "vehicle", "models", "scene", "scenario", "traffic"]),
     // The ego car's mind.
     ("predict", &["config", "road", "vehicle", "models", "scene"]),
@@ -29,8 +30,8 @@ const MODULES: &[(&str, &[&str])] = &[
     ("env", ALL_BUT_ENV),
 ];
 const ALL_BUT_ENV: &[&str] = &[
-    "config", "road", "vehicle", "models", "scene", "scenario", "traffic", "perceive", "predict", "plan", "control",
-    "decide", "driver",
+    "config", "snapshot", "road", "vehicle", "models", "scene", "scenario", "traffic", "perceive", "predict", "plan",
+    "control", "decide", "driver",
 ];
 
 /// Each crate with the crates of the workspace it may use.

@@ -3,6 +3,10 @@
 //!
 //! It is handed a [`Scene`] and answers with a [`ControlInput`]; it never sees the world.
 
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
 use crate::config::ConfigError;
 use crate::control::{
     ControlConfig, ControlWeights, Guard, GuardCause, LateralMpc, LateralReference, LongitudinalMpc, Rung, SpeedGoal,
@@ -13,7 +17,7 @@ use crate::decide::{
 use crate::models::rss::Braking;
 use crate::plan::{LaneChangePath, Planner, PlannerConfig, Refusal, Window};
 use crate::predict::{Forecast, Predictor};
-use crate::road::{LaneIndex, Side};
+use crate::road::{LaneIndex, Road, Side};
 use crate::scene::Scene;
 use crate::vehicle::{ControlInput, VehicleParams};
 
@@ -88,7 +92,7 @@ impl Part {
 }
 
 /// Why a lane change is not on offer.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Denial {
     /// The planner finds no path.
     Planner(Refusal),
@@ -97,14 +101,14 @@ pub enum Denial {
 }
 
 /// What the driver does at present.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 enum Activity {
     Keeping { accel_mps2: f64, weights: ControlWeights },
     Changing(Change),
 }
 
 /// A lane change under way.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Change {
     /// The path.
     pub path: LaneChangePath,
@@ -119,7 +123,7 @@ pub struct Change {
 }
 
 /// What did not go as planned since the start of the episode.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DriverCounts {
     /// Lane changes begun.
     pub lane_changes: u32,
@@ -143,9 +147,10 @@ impl DriverCounts {
 }
 
 /// The ego car's mind.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Driver {
     scene: Scene,
+    #[serde(skip)]
     forecast: Forecast,
     predictor: Predictor,
     planner: Planner,
@@ -197,6 +202,13 @@ impl Driver {
             counts: DriverCounts::default(),
             guard_cause: None,
         })
+    }
+
+    /// Makes anew what is not stored with the rest, and shares the road with the world again.
+    pub(crate) fn rebuild(&mut self, road: &Arc<Road>) {
+        self.scene.road = Arc::clone(road);
+        self.lateral.tabulate();
+        self.look_ahead();
     }
 
     /// What the driver knows.

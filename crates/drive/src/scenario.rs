@@ -15,6 +15,8 @@ mod script;
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 pub use self::distribution::Distribution;
 use self::draw::Draw;
 pub use self::drivers::{TrafficConfig, VehicleKind};
@@ -29,7 +31,7 @@ use crate::road::{LaneIndex, Road, RoadConfig, Topology};
 use crate::vehicle::VehicleParams;
 
 /// Everything about a human-driven vehicle at the start.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VehicleSpec {
     /// Car or truck.
     pub kind: VehicleKind,
@@ -50,7 +52,7 @@ pub struct VehicleSpec {
 }
 
 /// A scene: a plain value that determines all that follows.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scenario {
     /// The road.
     pub road: Arc<Road>,

@@ -5,18 +5,20 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use crate::road::{LaneIndex, Road, Side};
 use crate::vehicle::VehicleState;
 
 /// Identifies a vehicle for as long as it exists.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct VehicleId(pub u32);
 
 /// No road has more lanes; the last ids belong to their ends.
 const MAX_LANES: u32 = 8;
 
 /// A perceived vehicle, or the end of a lane.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Neighbor {
     /// Which vehicle.
     pub id: VehicleId,
@@ -80,7 +82,7 @@ impl Neighbor {
 }
 
 /// The ego car's knowledge at one instant.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Scene {
     /// The road.
     pub road: Arc<Road>,

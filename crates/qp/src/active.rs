@@ -1,6 +1,8 @@
 //! The active set: its multipliers, the Cholesky factor of its dual curvature, and the step along the dual's pieces
 //! (docs/qp.md, Eqs. 9 to 12).
 
+use serde::{Deserialize, Serialize};
+
 use crate::linalg::{Block, LANES, dot};
 use crate::responses::{Place, Responses};
 
@@ -12,7 +14,7 @@ const PIVOT_FLOOR: f64 = 1e-12;
 const MANY_BENT: usize = 6;
 
 /// An active constraint, `sign` (its value) <= `bound` + slack.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(crate) struct Active {
     pub(crate) place: Place,
     /// 1 at the upper bound, -1 at the lower one.
@@ -107,6 +109,15 @@ pub(crate) struct ActiveSet {
     direction: Vec<Block>,
 }
 
+/// An active set as it is stored.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct SavedSet {
+    items: Vec<Active>,
+    cholesky: Vec<Block>,
+    pivots: Vec<f64>,
+    inverses: Vec<f64>,
+}
+
 impl ActiveSet {
     pub(crate) fn new(capacity: usize) -> Self {
         Self {
@@ -118,6 +129,37 @@ impl ActiveSet {
             factored: 0,
             direction: vec![[0.0; LANES]; capacity.div_ceil(LANES)],
         }
+    }
+
+    /// The set with as much of its factor as there is.
+    pub(crate) fn to_saved(&self) -> SavedSet {
+        SavedSet {
+            items: self.items.clone(),
+            cholesky: self.cholesky[..row_start(self.factored)].to_vec(),
+            pivots: self.pivots[..self.factored].to_vec(),
+            inverses: self.inverses[..self.factored].to_vec(),
+        }
+    }
+
+    /// Takes over a set that was saved; false, and no more than an empty set, if it cannot be one of this size.
+    pub(crate) fn restore(&mut self, saved: SavedSet, id: impl Fn(Place) -> Option<usize>) -> bool {
+        self.clear();
+        let factored = saved.pivots.len();
+        let fits = factored <= saved.items.len()
+            && saved.inverses.len() == factored
+            && saved.cholesky.len() == row_start(factored);
+        for item in saved.items {
+            if !fits || id(item.place) != Some(item.id) || self.contains(item.id) {
+                self.clear();
+                return false;
+            }
+            self.push(item);
+        }
+        self.factored = factored;
+        self.cholesky[..saved.cholesky.len()].copy_from_slice(&saved.cholesky);
+        self.pivots[..factored].copy_from_slice(&saved.pivots);
+        self.inverses[..factored].copy_from_slice(&saved.inverses);
+        fits
     }
 
     pub(crate) fn clear(&mut self) {

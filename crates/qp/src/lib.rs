@@ -23,6 +23,7 @@ mod mirror;
 mod problem;
 mod responses;
 mod riccati;
+mod saved;
 mod solver;
 mod terminal;
 mod validate;

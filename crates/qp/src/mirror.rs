@@ -64,6 +64,21 @@ impl<const NX: usize, const NS: usize> Key<NX, NS> {
         row_numbers: [[0.0; 3]; NS],
     };
 
+    fn stage(&self) -> Stage<NX, NS> {
+        let row = |i: usize| {
+            let [input, l1_weight, l2_weight] = self.row_numbers[i];
+            Row { state: self.row_states[i], input, l1_weight, l2_weight, ..Row::unbounded() }
+        };
+        Stage {
+            a: self.a,
+            b: self.b,
+            state_weight: self.state_weight,
+            input_weight: self.input_weight,
+            rows: core::array::from_fn(row),
+            ..Stage::neutral()
+        }
+    }
+
     fn compare_matrices(&self, stage: &Stage<NX, NS>, difference: &mut Difference) {
         for (line, other) in self.a.iter().zip(&stage.a) {
             difference.add(line, other);
@@ -169,6 +184,12 @@ impl<const NX: usize, const NS: usize> Mirror<NX, NS> {
 
     pub(crate) fn forget(&mut self) {
         self.valid = false;
+    }
+
+    /// The last problem, if there is one: what stands in its matrices and rows, and neutral numbers for all else.
+    pub(crate) fn problem(&self) -> Option<Problem<NX, NS>> {
+        let stages = self.keys.iter().map(Key::stage).collect();
+        self.valid.then(|| Problem { terminal_weight: self.terminal_weight, stages, ..Problem::new(0) })
     }
 
     /// Compares `problem` with the last one, bit by bit.

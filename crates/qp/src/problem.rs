@@ -2,11 +2,14 @@
 //!
 //! The numbers carry the caller's units: this crate knows states, inputs and rows, not what they measure.
 
+use serde::{Deserialize, Serialize};
+
 use crate::linalg::add_product;
 
 /// One soft constraint of a stage: `lower - s <= state'x_k + input u_k <= upper + s`, where the slack s >= 0 costs
 /// `l1_weight s + l2_weight s²/2`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound(serialize = "[f64; NX]: Serialize", deserialize = "[f64; NX]: Deserialize<'de>"))]
 pub struct Row<const NX: usize> {
     /// Coefficients of `x_k`. A limit on x_{k+1} is written as a row on (`x_k`, `u_k`), with the dynamics put in.
     pub state: [f64; NX],
@@ -37,7 +40,11 @@ impl<const NX: usize> Row<NX> {
 }
 
 /// Stage k: the step from `x_k` to x_{k+1}, the cost of x_{k+1} and `u_k`, and the soft constraints on (`x_k`, `u_k`).
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "[f64; NX]: Serialize, [[f64; NX]; NX]: Serialize, [Row<NX>; NS]: Serialize",
+    deserialize = "[f64; NX]: Deserialize<'de>, [[f64; NX]; NX]: Deserialize<'de>, [Row<NX>; NS]: Deserialize<'de>"
+))]
 pub struct Stage<const NX: usize, const NS: usize> {
     /// A of x_{k+1} = A `x_k` + B `u_k` + c, row by row.
     pub a: [[f64; NX]; NX],
@@ -78,7 +85,11 @@ impl<const NX: usize, const NS: usize> Stage<NX, NS> {
 }
 
 /// A whole program: initial state, bounds of the input, and one [`Stage`] for each step of the horizon.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound(
+    serialize = "[f64; NX]: Serialize, [[f64; NX]; NX]: Serialize, Stage<NX, NS>: Serialize",
+    deserialize = "[f64; NX]: Deserialize<'de>, [[f64; NX]; NX]: Deserialize<'de>, Stage<NX, NS>: Deserialize<'de>"
+))]
 pub struct Problem<const NX: usize, const NS: usize> {
     /// `x_0`.
     pub initial_state: [f64; NX],

@@ -1,11 +1,13 @@
 //! The responses of constraints, kept as long as the matrices they follow from.
 
+use serde::{Deserialize, Serialize};
+
 use crate::linalg::{Block, LANES, Vector, dot};
 use crate::problem::Problem;
 use crate::riccati::Riccati;
 
 /// Place of a constraint: its stage, and the index of the row, or NS for the bounds of the input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Place {
     pub(crate) stage: usize,
     pub(crate) index: usize,

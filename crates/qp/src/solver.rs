@@ -7,6 +7,7 @@ use crate::mirror::{Mirror, Sameness};
 use crate::problem::{Problem, Row};
 use crate::responses::{Place, Responses};
 use crate::riccati::{Riccati, TOLERANCE, Trajectory, row_value, step};
+use crate::saved::Saved;
 use crate::validate::validate;
 use crate::verdict::{ActiveRow, Constraint, Side, Start, Status, Verdict};
 use crate::watch::Watch;
@@ -106,6 +107,26 @@ impl<const NX: usize, const NS: usize> Solver<NX, NS> {
             work: 0,
             asked: false,
         }
+    }
+
+    /// What the next solves depend on: all else follows from it.
+    pub(crate) fn to_saved(&self) -> Saved<NX, NS> {
+        let inputs = self.trajectory.inputs.clone();
+        Saved { inputs, problem: self.mirror.problem(), active: self.active.to_saved() }
+    }
+
+    /// The solver that was saved; none if the parts do not fit each other.
+    pub(crate) fn restored(saved: Saved<NX, NS>) -> Option<Self> {
+        let horizon = saved.inputs.len();
+        let mut solver = Self::new(horizon);
+        if let Some(problem) = &saved.problem {
+            validate(problem, horizon, Sameness::NONE).ok()?;
+            solver.prepare(problem, Sameness::NONE);
+        }
+        solver.trajectory.inputs = saved.inputs;
+        let Self { active, responses, .. } = &mut solver;
+        let id = |place: Place| (place.stage < horizon && place.index <= NS).then(|| responses.id(place));
+        active.restore(saved.active, id).then_some(solver)
     }
 
     /// Forgets all earlier solves.

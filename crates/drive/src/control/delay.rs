@@ -1,5 +1,8 @@
 //! Commands on their way through an actuator's pure delay: what the car will still do before a new command counts.
 
+use serde::{Deserialize, Serialize};
+use serde_big_array::BigArray;
+
 use crate::vehicle::MAX_DELAY_S;
 
 /// Shortest control period there is, s.
@@ -10,7 +13,7 @@ const CAPACITY: usize = (MAX_DELAY_S / PERIOD_MIN_S) as usize + 3;
 const WHOLE: f64 = 1e-9;
 
 /// The last commands of one actuator, one for each control period.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct SentCommands {
     period_s: f64,
     /// Whole periods in the delay.
@@ -18,6 +21,7 @@ pub(crate) struct SentCommands {
     /// What is left of the delay, s.
     rest_s: f64,
     /// Newest first.
+    #[serde(with = "BigArray")]
     commands: [f64; CAPACITY],
 }
 

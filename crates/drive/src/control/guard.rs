@@ -85,7 +85,7 @@ const FOLLOWER_MARGIN_M: f64 = 1.0;
 const ABORT_TOLERANCE_M: f64 = 3.0;
 
 /// The guard of one car.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Guard {
     config: ControlConfig,
     params: VehicleParams,

@@ -15,6 +15,8 @@
 use std::sync::Arc;
 
 use lanecraft_qp::{Problem, Row, Solver, Start};
+use serde::{Deserialize, Serialize};
+use serde_big_array::BigArray;
 
 use crate::control::classical::{Square, Steady, riccati};
 use crate::control::config::{ControlConfig, HeadingReference, MAX_HORIZON, TerminalCost};
@@ -104,16 +106,18 @@ const OBSERVED_SPEED_MIN_MPS: f64 = 10.0;
 const FEEDBACK_FREQUENCY_RADPS: f64 = 1.2;
 
 /// The lateral controller with its warm start and last plan: a clone goes on exactly as the original.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LateralMpc {
     config: ControlConfig,
     params: VehicleParams,
     period_s: f64,
     /// Share of the way to its command that the steering covers in a control period.
     response: f64,
-    /// The model at the tabulated speeds; clones share it.
+    /// The model at the tabulated speeds; clones share it, and it is not stored.
+    #[serde(skip)]
     models: Arc<[DiscreteBicycle]>,
     /// The same for the part of the steering's delay that is no whole control period; empty if there is none.
+    #[serde(skip)]
     rest_models: Arc<[DiscreteBicycle]>,
     sent: SentCommands,
     observer: LateralObserver,
@@ -124,12 +128,13 @@ pub struct LateralMpc {
     solver: Solver<5, 4>,
     /// Control steps since the last solved plan.
     plan_age: usize,
+    #[serde(with = "BigArray")]
     planned_changes_rad: [f64; MAX_HORIZON],
     last_steer_rad: f64,
 }
 
 /// The last cost-to-go that was asked for, less the cost of the last stage, and what it was asked for.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Tail {
     speed_mps: f64,
     steer_cost: f64,
@@ -153,19 +158,18 @@ impl LateralMpc {
         let response = lag_response(params.steer_lag_s, control_period_s);
         let delay_s = if config.delay_compensation { params.steer_delay_s } else { 0.0 };
         let sent = SentCommands::new(delay_s, control_period_s);
-        let rest_models = if sent.rest_s() > 0.0 { models(params, sent.rest_s()) } else { Arc::default() };
         let mut problem = Problem::new(horizon);
         // With lag the rate is highest at the start of a step, Δδ / (T (1 − e^(−h/T))).
         let change_rad = params.max_steer_rate_radps
             * if params.steer_lag_s > 0.0 { params.steer_lag_s * response } else { control_period_s };
         (problem.input_min, problem.input_max) = (-change_rad, change_rad);
-        Self {
+        let mut mpc = Self {
             config: config.clone(),
             params: params.clone(),
             period_s: control_period_s,
             response,
-            models: models(params, control_period_s),
-            rest_models,
+            models: Arc::default(),
+            rest_models: Arc::default(),
             sent,
             observer: LateralObserver::new(config.observer_time_s, control_period_s),
             start: (0.0, 0.0),
@@ -175,7 +179,16 @@ impl LateralMpc {
             plan_age: usize::MAX,
             planned_changes_rad: [0.0; MAX_HORIZON],
             last_steer_rad: 0.0,
-        }
+        };
+        mpc.tabulate();
+        mpc
+    }
+
+    /// Makes the tables of models, which are not stored with the rest.
+    pub(crate) fn tabulate(&mut self) {
+        self.models = models(&self.params, self.period_s);
+        let rest_s = self.sent.rest_s();
+        self.rest_models = if rest_s > 0.0 { models(&self.params, rest_s) } else { Arc::default() };
     }
 
     /// Plans from this scene along `reference`. `speeds_mps`: the speed profile of the longitudinal controller, one

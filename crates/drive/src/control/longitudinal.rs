@@ -14,6 +14,8 @@
 //! estimated and compensated. The adhesion that counts is the lowest within reach of the brakes.
 
 use lanecraft_qp::{Problem, Row, Solver, Start};
+use serde::{Deserialize, Serialize};
+use serde_big_array::BigArray;
 
 use crate::control::config::{ControlConfig, MAX_HORIZON, has_one_grip};
 use crate::control::delay::SentCommands;
@@ -80,7 +82,7 @@ const FEEDBACK_PREVIEW_S: f64 = 2.0;
 const GUESS_TOLERANCE_MPS: f64 = 1.0;
 
 /// The longitudinal controller with its warm start and last plan: a clone goes on exactly as the original.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct LongitudinalMpc {
     config: ControlConfig,
     period_s: f64,
@@ -99,11 +101,13 @@ pub struct LongitudinalMpc {
 }
 
 /// The last solved plan.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct LastPlan {
     /// Control steps since it was made; more than may be bridged if there is none.
     age: usize,
+    #[serde(with = "BigArray")]
     jerks_mps3: [f64; MAX_HORIZON],
+    #[serde(with = "BigArray")]
     speeds_mps: [f64; SPEED_POINTS],
     /// The last acceleration asked of the car, for the case that its own is unknown, m/s².
     accel_mps2: f64,

@@ -5,6 +5,8 @@
 //! estimates need no filter of the states beside them. Side wind, bank, and tires unlike the linear ones show as a
 //! lateral and a yaw acceleration, a grade as an acceleration, an unknown mass as an offset of the drive train.
 
+use serde::{Deserialize, Serialize};
+
 use crate::control::delay::SentCommands;
 use crate::vehicle::bicycle::{DiscreteBicycle, lateral_dynamics};
 use crate::vehicle::{VehicleParams, lag_response, lagged};
@@ -21,7 +23,7 @@ fn stepped(estimate: f64, gain: f64, seen: f64, most: f64) -> f64 {
 }
 
 /// Constant lateral and yaw acceleration that the linear model lacks.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct LateralObserver {
     gain: f64,
     last: Option<[f64; 5]>,
@@ -77,7 +79,7 @@ fn solve(m: [[f64; 2]; 2], right: [f64; 2]) -> (f64, f64) {
 }
 
 /// Constant acceleration of the car beyond that of its tires, and constant offset of the drive train's answer.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct SpeedObserver {
     gain: f64,
     period_s: f64,

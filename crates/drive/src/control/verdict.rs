@@ -1,10 +1,11 @@
 //! What the controllers say about their answers: the rung of the ladder of fall-backs, and how the solve went.
 
 use lanecraft_qp::{Status, Verdict};
+use serde::{Deserialize, Serialize};
 
 /// Weights of the two controllers' costs, chosen with the maneuver. Only the ratios matter: scaling a whole cost
 /// changes nothing.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ControlWeights {
     /// q_1 = P_1 / R_1 of Eq. 25: squared speed error against squared acceleration error, 1/s².
     pub speed_ratio: f64,

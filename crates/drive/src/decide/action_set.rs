@@ -85,7 +85,7 @@ fn check_levels(key: &'static str, levels: &[f64], min: f64, max: f64) -> Result
 }
 
 /// What the car is to do.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Maneuver {
     /// Keep the lane with this reference acceleration.
     Keep {
@@ -103,7 +103,7 @@ pub enum Maneuver {
 }
 
 /// A maneuver with the weights of the controllers that drive it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Decision {
     /// What to do.
     pub maneuver: Maneuver,
@@ -112,7 +112,7 @@ pub struct Decision {
 }
 
 /// Which actions are allowed: bit i stands for action i.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ActionMask(pub u32);
 
 impl ActionMask {
@@ -129,7 +129,7 @@ impl ActionMask {
 }
 
 /// The actions, in order: keep actions by acceleration, then speed ratio; lane changes by side, then path ratio; continue; abort.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ActionSet {
     decisions: Vec<Decision>,
     keep: ControlWeights,

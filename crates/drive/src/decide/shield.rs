@@ -44,7 +44,7 @@ impl ShieldConfig {
 }
 
 /// Why the shield forbids a lane change.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ShieldCause {
     /// The ego could not stop behind a vehicle of the target lane.
     Ahead,

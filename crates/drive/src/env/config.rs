@@ -69,7 +69,7 @@ impl Default for EnvConfig {
 }
 
 /// How often one period fits into the one above.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Periods {
     /// Plant steps in a control step.
     pub plant_steps: u32,

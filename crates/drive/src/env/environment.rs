@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::config::{Config, Order, Periods};
 use super::episode::Episode;
 use crate::config::ConfigError;
@@ -27,8 +29,9 @@ pub enum EnvError {
 }
 
 /// A highway with traffic and one ego car, driven one tick at a time.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Env {
+    #[serde(skip)]
     pub(super) config: Arc<Config>,
     pub(super) periods: Periods,
     pub(super) world: World,

@@ -1,5 +1,7 @@
 //! What is measured of an episode, apart from any reward.
 
+use serde::{Deserialize, Serialize};
+
 use crate::driver::DriverCounts;
 use crate::scene::Scene;
 use crate::traffic::Collision;
@@ -8,7 +10,7 @@ use crate::traffic::Collision;
 pub const TIME_TO_COLLISION_CAP_S: f64 = 20.0;
 
 /// Measurements since the start of an episode.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Episode {
     /// Ticks driven.
     pub ticks: u32,

@@ -4,6 +4,7 @@ mod config;
 mod environment;
 mod episode;
 mod record;
+mod snapshot;
 mod step;
 
 pub use config::{Config, EnvConfig, Order, Periods, PredictionConfig};

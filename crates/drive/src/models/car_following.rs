@@ -32,7 +32,7 @@ pub enum CarFollowing {
 }
 
 /// A vehicle ahead, as its follower sees it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Leader {
     /// Bumper-to-bumper gap, infinite without a leader, m.
     pub gap_m: f64,

@@ -3,11 +3,13 @@
 //! a = a_max [1 − (v/v₀)⁴ − (s*/s)²] with s* = s₀ + max(0, v T + v Δv / (2 √(a_max b))), Δv = v − v_leader.
 //! The model itself knows no limit of braking and no overlap; who uses it clamps its answer to what the vehicle can do.
 
+use serde::{Deserialize, Serialize};
+
 /// Gaps are taken as at least this long, m: the model diverges at contact.
 pub(super) const SHORTEST_GAP_M: f64 = 0.1;
 
 /// Parameters of one driver.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IdmParams {
     /// Speed on an empty road v₀, m/s.
     pub desired_speed_mps: f64,
@@ -22,7 +24,7 @@ pub struct IdmParams {
 }
 
 /// A driver's parameters with all that stays the same divided out, for those who ask often.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct IdmTerms {
     /// 1 / v₀, s/m.
     pub per_desired_speed_spm: f64,

@@ -6,8 +6,10 @@
 //! brakes harder than the leader, the closest instant may come before both stand: then it counts, and not the
 //! difference of the stopping distances.
 
+use serde::{Deserialize, Serialize};
+
 /// What both cars are assumed to do in an emergency.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Braking {
     /// How long the ego goes on at its present acceleration, s.
     pub reaction_s: f64,

@@ -8,8 +8,10 @@
 //! the present state is safe: safety once reached is never lost. For b ≤ b_l the gap of two braking vehicles is shortest at the
 //! start or at the end, never between, so that safe states have no contact at any instant; hence the demand b ≤ b_l.
 
+use serde::{Deserialize, Serialize};
+
 /// Who brakes how hard.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BrakingLimits {
     /// Hardest braking b of the follower, m/s² (positive, not above the leader's).
     pub follower_mps2: f64,

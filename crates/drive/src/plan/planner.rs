@@ -1,5 +1,7 @@
 //! From a scene to a lane-change path.
 
+use serde::{Deserialize, Serialize};
+
 use super::candidates::{LateralLimits, PlannerConfig};
 use super::features::{FEATURES, features, features_of_set, reward};
 use super::quintic::{LateralState, Quintic};
@@ -14,7 +16,7 @@ use crate::vehicle::VehicleParams;
 const CURVATURE_POINTS: u32 = 8;
 
 /// A planned lane change.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LaneChangePath {
     /// Which side.
     pub side: Side,
@@ -31,7 +33,7 @@ pub struct LaneChangePath {
 }
 
 /// Plans lane changes; holds only parameters.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Planner {
     config: PlannerConfig,
     vehicle: VehicleParams,

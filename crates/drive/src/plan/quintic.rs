@@ -4,8 +4,10 @@
 //! distance and time are proportional, so time is used here; and the start is the measured lateral state, so that a change begun
 //! while drifting, or broken off half-way, has no jump (Eq. 14 is the special case of a start at rest).
 
+use serde::{Deserialize, Serialize};
+
 /// Lateral position and its first two derivatives.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct LateralState {
     /// Position to the left of the reference line, m.
     pub d_m: f64,
@@ -16,7 +18,7 @@ pub struct LateralState {
 }
 
 /// d(t) = Σ cᵢ tⁱ on [0, `duration_s`]; before and after it stays where it begins and ends.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Quintic {
     /// Coefficients c₀ … c₅, m/sⁱ.
     pub coefficients: [f64; 6],

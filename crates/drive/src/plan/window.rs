@@ -59,7 +59,7 @@ impl Refusal {
 }
 
 /// The lane change allowed on one side.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Window {
     /// Which side.
     pub side: Side,
@@ -76,7 +76,7 @@ pub struct Window {
 }
 
 /// The longest durations that the others allow, s, by refusal.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct TimeLimits([(Refusal, f64); 3]);
 
 impl TimeLimits {

@@ -57,10 +57,25 @@ impl AdhesionPatch {
 }
 
 /// A checked road.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "RoadConfig", into = "RoadConfig")]
 pub struct Road {
     config: RoadConfig,
     lane_map: LaneMap,
+}
+
+impl TryFrom<RoadConfig> for Road {
+    type Error = ConfigError;
+
+    fn try_from(config: RoadConfig) -> Result<Self, ConfigError> {
+        Self::new(config)
+    }
+}
+
+impl From<Road> for RoadConfig {
+    fn from(road: Road) -> Self {
+        road.config
+    }
 }
 
 impl Road {

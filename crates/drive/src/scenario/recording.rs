@@ -36,7 +36,7 @@ impl RecordedTraffic {
 }
 
 /// Where a recorded vehicle was, and how fast.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrackSample {
     /// Position of its center along the road, m.
     pub s_m: f64,
@@ -49,7 +49,7 @@ pub struct TrackSample {
 }
 
 /// A recorded vehicle, without gaps in time.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Track {
     /// Length, m.
     pub length_m: f64,
@@ -62,7 +62,7 @@ pub struct Track {
 }
 
 /// Recorded vehicles, with times since the start of the scene and positions on its road.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Recording {
     /// Time between two samples, s.
     pub period_s: f64,

@@ -78,7 +78,7 @@ pub enum Action {
 }
 
 /// An event with the vehicle's index in place of its name.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ScriptedEvent {
     /// Index of the vehicle.
     pub vehicle: u32,

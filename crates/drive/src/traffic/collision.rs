@@ -10,7 +10,7 @@ const EGO_CHANGE_MEMORY_S: f64 = 6.0;
 const OTHER_CHANGE_MEMORY_S: f64 = 4.0;
 
 /// The ego has touched a vehicle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Collision {
     /// Which one; the lowest id if there are several.
     pub with: VehicleId,

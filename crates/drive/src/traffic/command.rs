@@ -5,13 +5,15 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::World;
 use super::fleet::{Fleet, steps};
 use crate::road::LaneIndex;
 use crate::scene::VehicleId;
 
 /// A place and a motion on a recorded track.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrackPoint {
     /// Position of the center along the road, m.
     pub s_m: f64,
@@ -30,7 +32,7 @@ pub struct TrackPoint {
 }
 
 /// What a vehicle does instead of what its driver wants.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Command {
     /// Brakes or accelerates, whatever is ahead; a vehicle brakes no harder than it can.
     Accelerate {
@@ -51,7 +53,7 @@ pub enum Command {
 }
 
 /// A command under way.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Order {
     pub(super) id: VehicleId,
     command: Command,

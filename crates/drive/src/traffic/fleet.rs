@@ -4,6 +4,8 @@
 //! reads memory in order, and the nearest vehicles stand in the nearest slots. A vehicle that overtakes changes its slot; its id
 //! stays.
 
+use serde::{Deserialize, Serialize};
+
 use crate::models::idm::{IdmParams, IdmTerms};
 use crate::road::{LaneIndex, Road};
 use crate::scenario::VehicleSpec;
@@ -43,7 +45,7 @@ pub struct Vehicle {
 macro_rules! columns {
     ($($(#[$doc:meta])* $name:ident: $entry:ty,)*) => {
         /// All vehicles, by rising position and id.
-        #[derive(Clone, Debug, PartialEq)]
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         pub(super) struct Fleet {
             $($(#[$doc])* pub(super) $name: Vec<$entry>,)*
             /// The slot of each id from `first_id` on.

@@ -1,6 +1,7 @@
 //! Vehicles that enter the road one after another: a Poisson process, and a queue outside for those who find no room.
 
 use lanecraft_net::random::Stream;
+use serde::{Deserialize, Serialize};
 
 use super::World;
 use crate::scenario::{Flow, Scenario, VehicleSpec};
@@ -9,7 +10,7 @@ use crate::scenario::{Flow, Scenario, VehicleSpec};
 const ADAPT_WITHIN_M: f64 = 100.0;
 
 /// A flow under way.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Inflow {
     index: usize,
     flow: Flow,

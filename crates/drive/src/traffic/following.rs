@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use pulp::{Arch, NullaryFnOnce};
+use serde::{Deserialize, Serialize};
 
 use super::World;
 use super::fleet::Fleet;
@@ -16,7 +17,7 @@ use crate::road::LaneIndex;
 const MAX_LANES: usize = 8;
 
 /// Something that stands in a lane and is no vehicle, such as the lane's end.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Obstacle {
     /// The lane.
     pub lane: LaneIndex,
@@ -36,7 +37,7 @@ struct Rear {
 const NOBODY: Rear = Rear { bumper_m: f64::INFINITY, speed_mps: 0.0, accel_mps2: 0.0 };
 
 /// A further leader of one vehicle.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct FurtherLeader {
     follower: usize,
     leader: Leader,
@@ -44,7 +45,7 @@ struct FurtherLeader {
 }
 
 /// The leaders of all vehicles, by slot.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Leaders {
     /// Gap to the leader in the own lane, infinite without one, m.
     gap_m: Vec<f64>,

@@ -24,6 +24,7 @@ mod overlaps;
 mod placement;
 mod recorded;
 mod script;
+mod snapshot;
 mod world;
 
 pub use collision::{Collision, FaultClass};

@@ -5,6 +5,8 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::World;
 use super::command::{Command, TrackPoint};
 use crate::road::{LaneIndex, Road};
@@ -19,13 +21,13 @@ const FORESIGHT_S: f64 = 1.0;
 const FOLLOW_WITHIN_S: f64 = 3.0;
 
 /// A recorded vehicle.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Recorded {
     track: usize,
     state: State,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 enum State {
     /// Not there yet.
     Outside,

@@ -4,6 +4,8 @@
 
 use std::sync::Arc;
 
+use serde::{Deserialize, Serialize};
+
 use super::World;
 use super::command::Command;
 use super::fleet::{Fleet, steps};
@@ -19,7 +21,7 @@ use crate::scene::VehicleId;
 const PAST_M: f64 = 50.0;
 
 /// What is still to happen, as a value that is copied with the world.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Script {
     pub(super) scenario: Arc<Scenario>,
     events: Vec<Pending>,
@@ -28,7 +30,7 @@ pub(super) struct Script {
 }
 
 /// An event that is not over.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Pending {
     event: ScriptedEvent,
     /// Its trigger has been met, but not what else it waits for.

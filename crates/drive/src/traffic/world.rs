@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use lanecraft_net::random::Stream;
 use pulp::Arch;
+use serde::{Deserialize, Serialize};
 
 use super::collision::{Collision, FaultClass, touch_in_step};
 use super::command::{Command, Order};
@@ -24,7 +25,7 @@ const STRESS_RANGE_M: f64 = 80.0;
 const STRESS_DURATION_S: f64 = 3.0;
 
 /// An externally driven car, as the traffic sees it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ExternalBody {
     /// Position of its center along the road, m.
     pub s_m: f64,
@@ -57,7 +58,7 @@ pub struct StepEvents {
 }
 
 /// The ego as the world keeps it.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Ego {
     body: ExternalBody,
     /// Speed along the road, m/s.
@@ -136,7 +137,7 @@ impl Ego {
 }
 
 /// The traffic and the ego's body in it: a value that continues bit for bit from any copy.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct World {
     pub(super) road: Arc<Road>,
     pub(super) traffic: TrafficConfig,

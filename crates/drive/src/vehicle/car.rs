@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use serde::{Deserialize, Serialize};
+
 use crate::vehicle::plant::{self, Contact};
 use crate::vehicle::{ControlInput, PlantConfig, VehicleParams, VehicleState};
 
@@ -23,10 +25,12 @@ pub trait ExternalPlant: Send {
 
 /// The car's dynamics. A clone is a snapshot.
 #[expect(clippy::large_enum_variant, reason = "there is one in an environment, and the large one is the usual one")]
+#[derive(Serialize, Deserialize)]
 pub enum Plant {
     /// The built-in single-track model.
     SingleTrack(SingleTrack),
-    /// A user's own.
+    /// A user's own, which cannot be stored.
+    #[serde(skip)]
     External(Box<dyn ExternalPlant>),
 }
 
@@ -68,7 +72,7 @@ impl fmt::Debug for Plant {
 }
 
 /// The built-in plant: the single-track model behind its actuators' delays.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SingleTrack {
     params: VehicleParams,
     options: PlantConfig,
@@ -95,7 +99,7 @@ impl SingleTrack {
 }
 
 /// A pure delay by a fixed number of steps.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct DelayLine {
     /// A ring of commands; `oldest` is the next to come out.
     commands: Vec<f64>,

@@ -1,7 +1,9 @@
 //! What moves: the state of a car in the road frame and the commands it is given.
 
+use serde::{Deserialize, Serialize};
+
 /// The state of a single-track car in the road frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct VehicleState {
     /// Position of the center of gravity along the road, m.
     pub s_m: f64,
