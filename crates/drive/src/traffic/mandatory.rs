@@ -38,6 +38,9 @@ impl World {
     /// How vehicle `i` chooses lanes here: by its driver's wishes, but for a speed limit.
     pub(super) fn terms(&self, i: usize) -> IdmTerms {
         let terms = self.fleet.terms[i];
+        if self.road.config().speed_limits.is_empty() {
+            return terms;
+        }
         let per_allowed_spm = 1.0 / self.road.allowed_speed_mps(self.fleet.s_m[i]);
         IdmTerms { per_desired_speed_spm: terms.per_desired_speed_spm.max(per_allowed_spm), ..terms }
     }
