@@ -28,7 +28,8 @@ pub enum EnvError {
     Scenario(#[from] ScenarioError),
 }
 
-/// A highway with traffic and one ego car, driven one tick at a time.
+/// A highway with traffic and one ego car, driven one tick at a time. What serde stores of it lacks what follows from the configuration:
+/// use [`Self::snapshot`] and [`Self::restore`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Env {
     #[serde(skip)]
