@@ -1,7 +1,7 @@
 //! Human drivers' parameters from recorded traffic.
 //!
 //! Each follower is driven by a law of car following behind its recorded leader, and the parameters are those whose gaps come
-//! nearest (Treiber and Kesting, 2013, chapter 17; [`laws`]). Parameters common to all drivers are judged on the sites that they
+//! nearest (Treiber and Kesting, 2013, chapter 17; `laws`). Parameters common to all drivers are judged on the sites that they
 //! have not seen, each left out in turn, beside laws that know less. Drivers who were recorded for long enough have parameters of
 //! their own, whose spread becomes the distributions of `[traffic]`.
 

@@ -37,7 +37,7 @@ pub fn write(path: &Path, snapshot: &Snapshot) -> Result<(), RunDirError> {
     atomic::write(path, snapshot.as_bytes())
 }
 
-/// Reads a file that was written by [`write`].
+/// Reads a file that was written by [`write()`].
 ///
 /// # Errors
 /// If it cannot be read, or is foreign, of another version, cut off or changed.
