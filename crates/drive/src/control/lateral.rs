@@ -14,11 +14,11 @@
 
 use std::sync::Arc;
 
-use lanecraft_qp::{Problem, Row, Solver, Start};
+use lanecraft_qp::{Problem, Row, Solver, Start, infinite_horizon_weight};
 use serde::{Deserialize, Serialize};
 use serde_big_array::BigArray;
 
-use crate::control::classical::{Square, Steady, riccati};
+use crate::control::classical::Steady;
 use crate::control::config::{ControlConfig, HeadingReference, MAX_HORIZON, TerminalCost};
 use crate::control::delay::SentCommands;
 use crate::control::observer::LateralObserver;
@@ -138,7 +138,7 @@ pub struct LateralMpc {
 struct Tail {
     speed_mps: f64,
     steer_cost: f64,
-    weight: Square,
+    weight: [[f64; 5]; 5],
 }
 
 /// The limits of Eq. 26 on this road.
@@ -321,11 +321,8 @@ impl LateralMpc {
         let grid_mps = speed_mps.round();
         if (self.tail.speed_mps, self.tail.steer_cost) != (grid_mps, steer_cost) {
             let model = interpolated(&self.models, grid_mps);
-            let (cost, _) = riccati(&model, &weights, steer_cost);
-            // The solver adds the last stage's own cost, and asks for symmetry to the last bit.
-            let weight = core::array::from_fn(|i| {
-                core::array::from_fn(|j| 0.5 * (cost[i][j] + cost[j][i]) - if i == j { weights[i] } else { 0.0 })
-            });
+            // With weights so far apart that it does not settle, nothing counts after the horizon.
+            let weight = infinite_horizon_weight(&model.a, &model.b, &weights, steer_cost).unwrap_or_default();
             self.tail = Tail { speed_mps: grid_mps, steer_cost, weight };
         }
         self.problem.terminal_weight = self.tail.weight;

@@ -69,6 +69,19 @@ mod tests {
         Road::new(config).unwrap()
     }
 
+    /// How far the car comes from 20 m/s towards a wall far away, m.
+    fn stop_m(config: &ControlConfig, road: &Road) -> f64 {
+        let opening = Opening {
+            s_m: 0.0,
+            speed_mps: 20.0,
+            accel_mps2: 0.0,
+            leader_speed_mps: 0.0,
+            leader_brake_mps2: 7.0,
+            gap_m: 500.0,
+        };
+        500.0 - closest_m(config, road, &opening)
+    }
+
     #[test]
     fn on_a_uniform_road_it_is_the_closed_form() {
         let config = ControlConfig::default();
@@ -98,17 +111,7 @@ mod tests {
             emergency_jerk_mps3: 1e6,
             ..ControlConfig::default()
         };
-        let stop = |patches: &[AdhesionPatch]| {
-            let opening = Opening {
-                s_m: 0.0,
-                speed_mps: 20.0,
-                accel_mps2: 0.0,
-                leader_speed_mps: 0.0,
-                leader_brake_mps2: 7.0,
-                gap_m: 500.0,
-            };
-            500.0 - closest_m(&config, &road(patches), &opening)
-        };
+        let stop = |patches: &[AdhesionPatch]| stop_m(&config, &road(patches));
         let ice = AdhesionPatch { s_m: 5.0, length_m: 20.0, adhesion: 0.2 };
         let expected_m = (400.0 - 40.0 * 0.95 * 0.2 * GRAVITY_MPS2) / 14.0 + 20.0;
         assert!((stop(&[]) - 400.0 / 14.0).abs() < 0.05, "{} m", stop(&[]));
@@ -119,28 +122,16 @@ mod tests {
     fn a_bend_lengthens_the_stop_until_the_car_is_slow() {
         // 20 m/s on μ = 0.4 around 150 m of radius: the bend takes 2.67 of 3.73 m/s², and less and less as the speed falls.
         let config = ControlConfig { reaction_s: 0.0, emergency_jerk_mps3: 1e6, ..ControlConfig::default() };
-        let stop_m = |curvature_radpm: f64| {
+        let stop = |curvature_radpm: f64| {
             let curvature = vec![CurvaturePoint { s_m: 0.0, curvature_radpm }];
             let bend = RoadConfig { topology: Topology::Open, adhesion: 0.4, curvature, ..RoadConfig::default() };
-            let opening = Opening {
-                s_m: 0.0,
-                speed_mps: 20.0,
-                accel_mps2: 0.0,
-                leader_speed_mps: 0.0,
-                leader_brake_mps2: 7.0,
-                gap_m: 500.0,
-            };
-            500.0 - closest_m(&config, &Road::new(bend).unwrap(), &opening)
+            stop_m(&config, &Road::new(bend).unwrap())
         };
         let grip = 0.95 * 0.4 * GRAVITY_MPS2;
         // With u = V²: du/ds = −2 √(g² − κ² u²), so that the stop takes arcsin(κ V² / g) / (2 κ).
         let (straight_m, kappa) = (400.0 / (2.0 * grip), 1.0 / 150.0_f64);
         let bent_m = libm::asin(400.0 * kappa / grip) / (2.0 * kappa);
-        assert!((stop_m(0.0) - straight_m).abs() < 0.1, "{} m", stop_m(0.0));
-        assert!(
-            (stop_m(kappa) - bent_m).abs() < 0.3 && bent_m > straight_m + 5.0,
-            "{} m, not {bent_m} m",
-            stop_m(kappa)
-        );
+        assert!((stop(0.0) - straight_m).abs() < 0.1, "{} m", stop(0.0));
+        assert!((stop(kappa) - bent_m).abs() < 0.3 && bent_m > straight_m + 5.0, "{} m, not {bent_m} m", stop(kappa));
     }
 }

@@ -24,7 +24,7 @@ const TOLERANCE: f64 = 1e-12;
 const ITERATIONS_MAX: u32 = 20_000;
 
 type Gain = [f64; 5];
-pub(in crate::control) type Square = [[f64; 5]; 5];
+type Square = [[f64; 5]; 5];
 
 /// The regulator with its gains for all speeds.
 #[derive(Clone, Debug)]
@@ -92,11 +92,7 @@ impl Lqr {
 }
 
 /// P of the cost-to-go xᵀ P x and K of u = −K x, the fixed point of P = Q + Aᵀ P (A − B K), K = Bᵀ P A / (R + Bᵀ P B).
-pub(in crate::control) fn riccati(
-    model: &DiscreteBicycle,
-    state_weights: &[f64; 5],
-    input_weight: f64,
-) -> (Square, Gain) {
+pub(super) fn riccati(model: &DiscreteBicycle, state_weights: &[f64; 5], input_weight: f64) -> (Square, Gain) {
     let mut cost = [[0.0; 5]; 5];
     for (i, weight) in state_weights.iter().enumerate() {
         cost[i][i] = *weight;

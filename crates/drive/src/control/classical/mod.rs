@@ -11,7 +11,6 @@ mod stanley;
 mod tests;
 
 pub use lqr::Lqr;
-pub(super) use lqr::{Square, riccati};
 pub use pi::{PiConfig, PiSpeed};
 pub use stanley::{Stanley, StanleyConfig};
 
