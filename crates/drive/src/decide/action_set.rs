@@ -187,6 +187,11 @@ impl ActionSet {
         &self.decisions
     }
 
+    /// The constant weights (q1 = `change_speed_ratio`, q2 = `keep_path_ratio`), for whoever has no opinion on them.
+    pub fn plain_weights(&self) -> ControlWeights {
+        self.keep
+    }
+
     /// The first action with this maneuver whose weights lie nearest to the constant ones (q1 = `change_speed_ratio`,
     /// q2 = `keep_path_ratio`): what a policy without an opinion on weights takes.
     pub fn plain(&self, maneuver: Maneuver) -> Option<usize> {

@@ -147,6 +147,19 @@ pub struct RewardTerms {
 }
 
 impl RewardTerms {
+    /// The terms of this share of a tick: all but the penalty, which is paid once.
+    #[must_use]
+    pub fn over(self, share: f64) -> Self {
+        Self {
+            speed: share * self.speed,
+            collision: share * self.collision,
+            lane: share * self.lane,
+            jerk: share * self.jerk,
+            control_quality: share * self.control_quality,
+            penalty: self.penalty,
+        }
+    }
+
     /// Their sum, the tick's reward in the paper's units.
     pub fn sum(&self) -> f64 {
         self.speed + self.collision + self.lane + self.jerk + self.control_quality + self.penalty

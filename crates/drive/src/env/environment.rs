@@ -163,10 +163,7 @@ impl Env {
 
     /// Writes the observation into `out`, of length `config.observation.size()`.
     pub fn observe(&self, out: &mut [f32]) {
-        let progress = self.driver.change().map_or(0.0, |change| {
-            let elapsed_s = f64::from(change.elapsed_steps) * self.config.env.control_period_s;
-            elapsed_s / change.path.quintic.duration_s
-        });
+        let progress = self.driver.path().map_or(0.0, |(path, elapsed_s)| (elapsed_s / path.duration_s).min(1.0));
         let situation = Situation {
             progress,
             since_change_s: self.driver.since_change_s(),

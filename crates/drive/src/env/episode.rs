@@ -12,7 +12,7 @@ pub const TIME_TO_COLLISION_CAP_S: f64 = 20.0;
 /// Measurements since the start of an episode.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Episode {
-    /// Ticks driven.
+    /// Ticks driven; control steps, if these were handed in one by one.
     pub ticks: u32,
     /// Control steps driven.
     pub control_steps: u64,

@@ -216,10 +216,12 @@ impl Env {
     /// Notes the path that the tick follows and, if it begins a lane change, the candidates it was chosen from.
     pub(super) fn record_path(&self, record: &mut TickRecord) {
         let Some(change) = self.driver.change() else { return };
-        let elapsed_s = f64::from(change.elapsed_steps) * self.config.env.control_period_s;
-        let quintic = &change.path.quintic;
-        record.path =
-            Some(PathRecord { coefficients: quintic.coefficients, duration_s: quintic.duration_s, elapsed_s });
+        let path = self.driver.path();
+        record.path = path.map(|(quintic, elapsed_s)| PathRecord {
+            coefficients: quintic.coefficients,
+            duration_s: quintic.duration_s,
+            elapsed_s,
+        });
         if let (0, false, Ok(window)) = (change.elapsed_steps, change.aborted, self.driver.offer(change.path.side)) {
             let candidates = self.driver.planner().candidates(self.driver.scene(), self.driver.forecast(), window);
             record.candidates = candidates.iter().map(|path| candidate_record(path, &change.path)).collect();

@@ -1,14 +1,18 @@
 //! One tick of the closed loop: decide, then at every control step perceive, predict, plan, control and move (the paper's Fig. 2).
+//!
+//! There are three seats for others to sit in: one decides once a tick ([`Env::step`]), one hands in a path once a tick
+//! ([`Env::step_path`]), one hands in a command at every control step ([`Env::step_control`]).
 
 use super::environment::Env;
 use super::episode::time_to_collision_s;
 use super::record::TickRecord;
+use crate::config::{ConfigError, check_range};
 use crate::decide::{ActionMask, Decision, RewardTerms, TickQuality, score};
-use crate::driver::Part;
+use crate::driver::{Part, PathCommand};
 use crate::vehicle::{Contact, ControlInput};
 
 /// Why a tick cannot be taken.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StepError {
     /// The action is masked or does not exist.
@@ -22,13 +26,16 @@ pub enum StepError {
     /// The episode has ended.
     #[error("the episode is over; start a new one")]
     Over,
+    /// A path or a command that cannot be driven.
+    #[error(transparent)]
+    OutOfRange(#[from] ConfigError),
 }
 
 /// What came of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[must_use]
 pub struct StepOutcome {
-    /// The learner's reward.
+    /// The learner's reward; that of a control step is its share of a tick's.
     pub reward: RewardTerms,
     /// The tick's score, in its fixed form.
     pub score: f64,
@@ -57,6 +64,30 @@ impl Env {
         Ok((outcome, record))
     }
 
+    /// Drives one tick along a path that is handed in.
+    pub fn step_path(&mut self, path: &PathCommand) -> Result<StepOutcome, StepError> {
+        self.check_open()?;
+        self.driver.follow(path)?;
+        Ok(self.run(self.periods.control_steps, None, &mut |_| ()))
+    }
+
+    /// Drives one control step by a command that is handed in; the guard still has the last word.
+    pub fn step_control(&mut self, input: &ControlInput) -> Result<StepOutcome, StepError> {
+        self.check_open()?;
+        let (low, high) = self.control_bounds();
+        check_range("control.accel_mps2", input.accel_mps2, low.accel_mps2, high.accel_mps2)?;
+        check_range("control.steer_rad", input.steer_rad, low.steer_rad, high.steer_rad)?;
+        self.driver.obey(*input);
+        Ok(self.run(1, None, &mut |_| ()))
+    }
+
+    /// The smallest and the largest command that may be handed in: the actuators' limits.
+    pub fn control_bounds(&self) -> (ControlInput, ControlInput) {
+        let (vehicle, control) = (&self.config.vehicle, &self.config.control);
+        let low = ControlInput { accel_mps2: -control.emergency_brake_mps2, steer_rad: -vehicle.max_steer_rad };
+        (low, ControlInput { accel_mps2: vehicle.max_accel_mps2, steer_rad: vehicle.max_steer_rad })
+    }
+
     fn drive(
         &mut self,
         action: usize,
@@ -68,8 +99,18 @@ impl Env {
         if let Some(record) = record.as_deref_mut() {
             self.record_path(record);
         }
+        Ok(self.run(self.periods.control_steps, record, lap))
+    }
+
+    /// Drives `control_steps` control steps, or as many as there are before a collision.
+    fn run(
+        &mut self,
+        control_steps: u32,
+        mut record: Option<&mut TickRecord>,
+        lap: &mut impl FnMut(Part),
+    ) -> StepOutcome {
         let mut quality = TickQuality::default();
-        for _ in 0..self.periods.control_steps {
+        for _ in 0..control_steps {
             self.perceive();
             lap(Part::Perception);
             let input = self.driver.control(lap);
@@ -78,7 +119,7 @@ impl Env {
             lap(Part::Plant);
             let events = self.world.step(self.ego_body(), self.config.env.control_period_s);
             lap(Part::Traffic);
-            self.measure(before.accel_mps2, &mut quality);
+            self.measure(before.accel_mps2, 1.0 / f64::from(control_steps), &mut quality);
             if let Some(record) = record.as_deref_mut() {
                 record.frames.push(self.frame());
             }
@@ -87,13 +128,15 @@ impl Env {
                 break;
             }
         }
-        Ok(self.finish_tick(quality, lap))
+        self.finish(control_steps, quality, lap)
+    }
+
+    fn check_open(&self) -> Result<(), StepError> {
+        if self.over { Err(StepError::Over) } else { Ok(()) }
     }
 
     fn allowed(&self, action: usize) -> Result<Decision, StepError> {
-        if self.over {
-            return Err(StepError::Over);
-        }
+        self.check_open()?;
         let decision = self.driver.actions().decode(action).filter(|_| self.mask.allows(action));
         decision.ok_or(StepError::NotAllowed { action, mask: self.mask })
     }
@@ -118,8 +161,7 @@ impl Env {
         Contact { side_force_n, yaw_moment_nm, ..Contact::at(road, s_m) }
     }
 
-    fn measure(&mut self, accel_before_mps2: f64, quality: &mut TickQuality) {
-        let share = 1.0 / f64::from(self.periods.control_steps);
+    fn measure(&mut self, accel_before_mps2: f64, share: f64, quality: &mut TickQuality) {
         let jerk_mps3 = (self.ego.accel_mps2 - accel_before_mps2).abs() / self.config.env.control_period_s;
         quality.mean_abs_jerk_mps3 += share * jerk_mps3;
         quality.control_quality += share * self.control_quality();
@@ -145,16 +187,18 @@ impl Env {
         if self.ego.speed_mps > 1.0 { libm::atan(self.ego.lateral_speed_mps / self.ego.speed_mps) } else { 0.0 }
     }
 
-    fn finish_tick(&mut self, quality: TickQuality, lap: &mut impl FnMut(Part)) -> StepOutcome {
+    fn finish(&mut self, control_steps: u32, quality: TickQuality, lap: &mut impl FnMut(Part)) -> StepOutcome {
         self.look(lap);
         let terminated = self.episode.collision.is_some();
         self.episode.ticks += 1;
         let score = score(self.driver.scene());
         self.episode.score_sum += score;
         self.episode.counts = *self.driver.counts();
-        let truncated = !terminated && self.episode.ticks >= self.periods.ticks;
+        let length = u64::from(self.periods.ticks) * u64::from(self.periods.control_steps);
+        let truncated = !terminated && self.episode.control_steps >= length;
         self.over = terminated || truncated;
-        let reward = self.config.reward.terms(self.driver.scene(), &quality, terminated);
+        let share = f64::from(control_steps) / f64::from(self.periods.control_steps);
+        let reward = self.config.reward.terms(self.driver.scene(), &quality, terminated).over(share);
         StepOutcome { reward, score, terminated, truncated }
     }
 }

@@ -136,6 +136,17 @@ impl Planner {
         Some(self.path((side, path.to, path.from), quintic, vector))
     }
 
+    /// The path from the measured state to rest at `end_m` that takes `duration_s`, or as little longer as the lateral bounds ask for.
+    /// None if no duration keeps them.
+    pub fn path_to(&self, scene: &Scene, end_m: f64, duration_s: f64) -> Option<Quintic> {
+        let (start, allowed) = (measured_start(scene), self.bounds(scene));
+        let paths = (0..)
+            .map(|step| duration_s + self.steps_s(f64::from(step)))
+            .take_while(|duration_s| *duration_s <= self.config.duration_max_extended_s)
+            .map(|duration_s| Quintic::new(start, end_m, duration_s));
+        paths.into_iter().find(|path| allowed(path))
+    }
+
     fn path(
         &self,
         (side, from, to): (Side, LaneIndex, LaneIndex),

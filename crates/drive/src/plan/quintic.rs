@@ -45,6 +45,11 @@ impl Quintic {
         Self { coefficients, duration_s }
     }
 
+    /// A path that stays where it is.
+    pub fn resting_at(d_m: f64) -> Self {
+        Self { coefficients: [d_m, 0.0, 0.0, 0.0, 0.0, 0.0], duration_s: 1.0 }
+    }
+
     /// Position (m), speed (m/s), acceleration (m/s²) and jerk (m/s³) to the left at `time_s`; at rest outside of the duration.
     pub fn at(&self, time_s: f64) -> (f64, f64, f64, f64) {
         let t = time_s.clamp(0.0, self.duration_s);

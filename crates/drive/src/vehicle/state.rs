@@ -36,7 +36,7 @@ impl VehicleState {
 }
 
 /// What the controllers ask of the car.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ControlInput {
     /// Demanded longitudinal acceleration, m/s².
     pub accel_mps2: f64,

@@ -3,6 +3,8 @@
 //!
 //! It is handed a [`Scene`] and answers with a [`ControlInput`]; it never sees the world.
 
+mod activity;
+
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -15,11 +17,14 @@ use crate::decide::{
     ActionMask, ActionSet, ActionsConfig, Decision, Maneuver, ShieldCause, ShieldConfig, check_lane_change,
 };
 use crate::models::rss::Braking;
-use crate::plan::{LaneChangePath, Planner, PlannerConfig, Refusal, Window};
+use crate::plan::{LaneChangePath, Planner, PlannerConfig, Quintic, Refusal, Window};
 use crate::predict::{Forecast, Predictor};
 use crate::road::{LaneIndex, Road, Side};
 use crate::scene::Scene;
 use crate::vehicle::{ControlInput, VehicleParams};
+
+use activity::{Activity, HandedPath};
+pub use activity::{Change, PathBounds, PathCommand};
 
 /// Everything that shapes a driver.
 #[derive(Clone, Debug)]
@@ -100,28 +105,6 @@ pub enum Denial {
     Shield(ShieldCause),
 }
 
-/// What the driver does at present.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-enum Activity {
-    Keeping { accel_mps2: f64, weights: ControlWeights },
-    Changing(Change),
-}
-
-/// A lane change under way.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Change {
-    /// The path.
-    pub path: LaneChangePath,
-    /// Control steps since it began.
-    pub elapsed_steps: u32,
-    /// Speed to hold, m/s.
-    pub entry_speed_mps: f64,
-    /// Weights of the controllers.
-    pub weights: ControlWeights,
-    /// Whether it is a return to the lane that the car had not left.
-    pub aborted: bool,
-}
-
 /// What did not go as planned since the start of the episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DriverCounts {
@@ -171,6 +154,11 @@ pub struct Driver {
     guard_cause: Option<GuardCause>,
 }
 
+/// Two paths that end this close to each other end at the same place, m.
+const SAME_END_M: f64 = 0.01;
+/// The speed handed in with a path is approached with this time constant, s, and at most this acceleration (that of Table II), m/s².
+const SPEED_RESPONSE_S: f64 = 2.0;
+const HANDED_ACCEL_MPS2: f64 = 2.0;
 /// A driver that has just started has not changed lane for this long, in control steps.
 const LONG_AGO_STEPS: u32 = 1 << 20;
 
@@ -255,8 +243,18 @@ impl Driver {
     pub fn change(&self) -> Option<&Change> {
         match &self.activity {
             Activity::Changing(change) => Some(change),
-            Activity::Keeping { .. } => None,
+            _ => None,
         }
+    }
+
+    /// The path that is followed, from a decision or handed in, and the time since it began, s.
+    pub fn path(&self) -> Option<(&Quintic, f64)> {
+        let (quintic, steps) = match &self.activity {
+            Activity::Changing(change) => (&change.path.quintic, change.elapsed_steps),
+            Activity::Following(path) => (&path.quintic, path.elapsed_steps),
+            Activity::Keeping { .. } | Activity::Obeying(_) => return None,
+        };
+        Some((quintic, f64::from(steps) * self.control_period_s))
     }
 
     /// The lane the car keeps or changes into: its turn signal.
@@ -327,45 +325,97 @@ impl Driver {
         }
     }
 
-    /// Where the car should be across the road now, m.
-    pub fn reference_d_m(&self) -> f64 {
-        match &self.activity {
-            Activity::Keeping { .. } => self.scene.road.lane_center_m(self.lane),
-            Activity::Changing(change) => {
-                change.path.quintic.at(f64::from(change.elapsed_steps) * self.control_period_s).0
-            }
+    /// The paths that may be handed in on this road.
+    pub fn path_bounds(&self) -> PathBounds {
+        let (planner, margin_m) = (self.planner.config(), 0.5 * self.scene.ego_width_m);
+        let (right_m, left_m) = self.scene.road.edges_m();
+        PathBounds {
+            low: PathCommand { end_d_m: right_m + margin_m, duration_s: planner.duration_min_s, speed_mps: 0.0 },
+            high: PathCommand {
+                end_d_m: left_m - margin_m,
+                duration_s: planner.duration_max_extended_s,
+                speed_mps: self.speed_max_mps,
+            },
         }
     }
 
-    /// One control step: forecast, both controllers, guard.
+    /// Takes a path in place of a decision. One that ends where the present one ends changes the speed alone, so that a path can be
+    /// handed in again at every tick. Where the lateral bounds allow none (at walking pace), the car stays as it is, and a refusal is
+    /// counted.
+    ///
+    /// # Errors
+    /// A number that is not within [`Self::path_bounds`].
+    pub fn follow(&mut self, command: &PathCommand) -> Result<(), ConfigError> {
+        self.path_bounds().check(command)?;
+        if let Activity::Following(path) = &mut self.activity
+            && (path.quintic.at(f64::INFINITY).0 - command.end_d_m).abs() < SAME_END_M
+        {
+            path.speed_mps = command.speed_mps;
+            return Ok(());
+        }
+        let path = self.planner.path_to(&self.scene, command.end_d_m, command.duration_s);
+        self.counts.refusals += u32::from(path.is_none());
+        let quintic = path.unwrap_or_else(|| Quintic::resting_at(self.reference_d_m()));
+        self.lane = self.scene.road.nearest_lane(quintic.at(f64::INFINITY).0);
+        self.activity = Activity::Following(HandedPath { quintic, elapsed_steps: 0, speed_mps: command.speed_mps });
+        Ok(())
+    }
+
+    /// Takes a command of the seat that controls in place of a decision, for as long as no other comes.
+    pub fn obey(&mut self, input: ControlInput) {
+        self.lane = self.scene.ego_lane;
+        self.activity = Activity::Obeying(input);
+    }
+
+    /// Where the car should be across the road now, m.
+    pub fn reference_d_m(&self) -> f64 {
+        self.path().map_or_else(|| self.scene.road.lane_center_m(self.lane), |(path, elapsed_s)| path.at(elapsed_s).0)
+    }
+
+    /// One control step: forecast, both controllers (or the command handed in), guard.
     pub fn control(&mut self, lap: &mut impl FnMut(Part)) -> ControlInput {
         self.look_ahead();
         lap(Part::Forecast);
-        let (goal, weights) = self.goal();
-        let speed = self.longitudinal.plan(&self.scene, &self.forecast, &goal, weights.speed_ratio);
-        lap(Part::LongitudinalMpc);
-        let reference = match &self.activity {
-            Activity::Keeping { .. } => LateralReference::LaneCenter { d_m: self.scene.road.lane_center_m(self.lane) },
-            Activity::Changing(change) => LateralReference::Path {
-                coefficients: &change.path.quintic.coefficients,
-                duration_s: change.path.quintic.duration_s,
-                elapsed_s: f64::from(change.elapsed_steps) * self.control_period_s,
-            },
+        let wanted = match self.activity {
+            Activity::Obeying(input) => input,
+            _ => self.controlled(lap),
         };
-        let steer = self.lateral.plan(&self.scene, reference, &speed.speeds_mps, weights.path_ratio);
-        lap(Part::LateralMpc);
-        self.count_rungs(speed.rung, steer.rung);
-        let wanted = ControlInput { accel_mps2: speed.accel_mps2, steer_rad: steer.steer_rad };
         let input = self.guarded_input(wanted);
         self.longitudinal.sent(input.accel_mps2);
         self.lateral.sent(input.steer_rad);
         self.guard.sent(input);
-        match &mut self.activity {
-            Activity::Changing(change) => change.elapsed_steps += 1,
-            Activity::Keeping { .. } => self.steps_since_change = self.steps_since_change.saturating_add(1),
-        }
+        self.count_step();
         lap(Part::Guard);
         input
+    }
+
+    /// What both controllers want.
+    fn controlled(&mut self, lap: &mut impl FnMut(Part)) -> ControlInput {
+        let (goal, weights) = self.goal();
+        let speed = self.longitudinal.plan(&self.scene, &self.forecast, &goal, weights.speed_ratio);
+        lap(Part::LongitudinalMpc);
+        let path = self.path().map(|(quintic, elapsed_s)| (*quintic, elapsed_s));
+        let reference = match &path {
+            None => LateralReference::LaneCenter { d_m: self.scene.road.lane_center_m(self.lane) },
+            Some((Quintic { coefficients, duration_s }, elapsed_s)) => {
+                LateralReference::Path { coefficients, duration_s: *duration_s, elapsed_s: *elapsed_s }
+            }
+        };
+        let steer = self.lateral.plan(&self.scene, reference, &speed.speeds_mps, weights.path_ratio);
+        lap(Part::LateralMpc);
+        self.count_rungs(speed.rung, steer.rung);
+        ControlInput { accel_mps2: speed.accel_mps2, steer_rad: steer.steer_rad }
+    }
+
+    fn count_step(&mut self) {
+        match &mut self.activity {
+            Activity::Changing(change) => change.elapsed_steps += 1,
+            Activity::Following(path) => path.elapsed_steps = path.elapsed_steps.saturating_add(1),
+            Activity::Keeping { .. } | Activity::Obeying(_) => {}
+        }
+        if self.change().is_none() {
+            self.steps_since_change = self.steps_since_change.saturating_add(1);
+        }
     }
 
     fn look_ahead(&mut self) {
@@ -385,8 +435,7 @@ impl Driver {
     fn weigh(&mut self, side: Side) -> Result<Window, Denial> {
         let window = self.planner.window(&self.scene, &self.forecast, side).map_err(Denial::Planner)?;
         if self.shield.enabled
-            && let Some(target) = self.scene.beside(self.lane, side)
-            && let Err(cause) = check_lane_change(&self.shield, &self.braking, &self.scene, target)
+            && let Err(cause) = check_lane_change(&self.shield, &self.braking, &self.scene, window.to)
         {
             self.counts.shield += 1;
             return Err(Denial::Shield(cause));
@@ -442,32 +491,40 @@ impl Driver {
         true
     }
 
-    /// What the speed controller is to aim at: full speed when keeping, the entry speed when changing, both within the speed limit.
+    /// What the speed controller is to aim at: full speed when keeping, the entry speed when changing, the speed handed in with a path,
+    /// all within the speed limit.
     fn goal(&self) -> (SpeedGoal, ControlWeights) {
+        let (target_speed_mps, reference_accel_mps2, weights) = match &self.activity {
+            Activity::Keeping { accel_mps2, weights } => (self.speed_max_mps, *accel_mps2, *weights),
+            Activity::Changing(change) => (change.entry_speed_mps, 0.0, change.weights),
+            Activity::Following(path) => {
+                let wanted_mps2 = (path.speed_mps - self.scene.ego.speed_mps) / SPEED_RESPONSE_S;
+                let accel_mps2 = wanted_mps2.clamp(-HANDED_ACCEL_MPS2, HANDED_ACCEL_MPS2);
+                (path.speed_mps, accel_mps2, self.actions.plain_weights())
+            }
+            Activity::Obeying(_) => (self.speed_max_mps, 0.0, self.actions.plain_weights()),
+        };
         let allowed_mps = self.scene.road.allowed_speed_mps(self.scene.ego.s_m);
+        let target_speed_mps = target_speed_mps.min(allowed_mps);
+        let lanes = match self.leaving() {
+            Some(from) => [Some(from), Some(self.lane)],
+            None => [Some(self.lane), None],
+        };
+        (SpeedGoal { reference_accel_mps2, target_speed_mps, lanes }, weights)
+    }
+
+    /// The lane that the car is still in while it makes for another one.
+    fn leaving(&self) -> Option<LaneIndex> {
         match &self.activity {
-            Activity::Keeping { accel_mps2, weights } => (
-                SpeedGoal {
-                    reference_accel_mps2: *accel_mps2,
-                    target_speed_mps: self.speed_max_mps.min(allowed_mps),
-                    lanes: [Some(self.lane), None],
-                },
-                *weights,
-            ),
-            Activity::Changing(change) => (
-                SpeedGoal {
-                    reference_accel_mps2: 0.0,
-                    target_speed_mps: change.entry_speed_mps.min(allowed_mps),
-                    lanes: [Some(change.path.from), Some(change.path.to)],
-                },
-                change.weights,
-            ),
+            Activity::Changing(change) => Some(change.path.from),
+            Activity::Following(_) => Some(self.scene.ego_lane).filter(|lane| *lane != self.lane),
+            Activity::Keeping { .. } | Activity::Obeying(_) => None,
         }
     }
 
     /// The guard's word on a command; it may also call off a lane change whose target has become unsafe.
     fn guarded_input(&mut self, wanted: ControlInput) -> ControlInput {
-        let leaving = self.change().map(|change| change.path.from);
+        let leaving = self.leaving();
         let (input, cause) = self.guard.check(&self.scene, [Some(self.lane), leaving], wanted);
         let called_off = leaving.and_then(|from| self.guard.abort_advised(&self.scene, from, self.lane));
         let called_off = called_off.filter(|_| self.abort());
