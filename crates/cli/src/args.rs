@@ -113,10 +113,7 @@ impl ScenarioArg {
     pub(crate) fn flag(&self) -> anyhow::Result<Option<String>> {
         let Some(path) = &self.scenario else { return Ok(None) };
         let scenario = LoadedScenario::read(path)?;
-        if scenario.needs_recording() {
-            anyhow::bail!("{} needs a recording; only `lanecraft scenario` drives in it", path.display());
-        }
-        Ok(flag("env.scenario", Some(scenario.text)))
+        Ok(flag("env.scenario", Some(scenario.into_value()?)))
     }
 }
 

@@ -106,7 +106,8 @@ fn whatever_is_handed_in_nobody_is_run_into() {
         }
         while !steered.is_over() {
             let accel_mps2 = stream.range(-1.0, 2.0);
-            let _ = steered.step_control(&ControlInput { accel_mps2, steer_rad: 0.0 }).expect("it is within the bounds");
+            let _ =
+                steered.step_control(&ControlInput { accel_mps2, steer_rad: 0.0 }).expect("it is within the bounds");
         }
         for env in [planned, steered] {
             let at_fault = env.episode().collision.is_some_and(|collision| collision.fault.at_fault());

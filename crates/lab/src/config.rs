@@ -180,6 +180,13 @@ impl LabSections {
     const NAMES: [&'static str; 4] = ["irl", "learner", "training", "evaluation"];
 }
 
+/// What to say of a name that does not exist.
+pub fn unknown_name(what: &str, name: &str, names: &[&str]) -> String {
+    let names_owned: Vec<String> = names.iter().map(ToString::to_string).collect();
+    let near = nearest(name, names.iter().copied());
+    format!("there is no {what} `{name}`{}", error::suggestion(near, &names_owned))
+}
+
 impl RunConfig {
     /// The preset, laid over by `file`, then by `assignments` (`key=value`) in their order, checked and validated.
     pub fn resolve(preset: Preset, file: Option<&Path>, assignments: &[String]) -> Result<Self, ConfigFileError> {
@@ -190,6 +197,13 @@ impl RunConfig {
         for assignment in assignments {
             overlay.set(assignment)?;
         }
+        Self::validated(&overlay)
+    }
+
+    /// The preset, laid over by `values`, whose keys may be nested or dotted, checked and validated.
+    pub fn resolve_table(preset: Preset, values: &Table) -> Result<Self, ConfigFileError> {
+        let mut overlay = Overlay::new(preset.name(), preset.table(), |table| Self::from_table(table).map(drop));
+        overlay.values(values)?;
         Self::validated(&overlay)
     }
 

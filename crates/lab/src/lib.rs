@@ -7,6 +7,7 @@ pub mod config;
 pub mod data;
 pub mod demonstrations;
 pub mod evaluate;
+pub mod gym;
 pub mod human_reward;
 pub mod irl;
 pub mod judge;

@@ -146,6 +146,11 @@ impl Env {
         &self.ego
     }
 
+    /// Distance driven since the start, m.
+    pub fn driven_m(&self) -> f64 {
+        self.driven_m
+    }
+
     /// Puts another model of the car in place of the built-in one, from the next step on.
     pub fn set_plant(&mut self, plant: Plant) {
         self.plant = plant;

@@ -11,7 +11,7 @@ use crate::vehicle::{ControlInput, PlantConfig, VehicleParams, VehicleState};
 ///
 /// A step must depend on nothing but what it is given and what the model holds, and [`Self::clone_box`] must copy all
 /// that it holds: a clone is a snapshot, which goes on with the same bits.
-pub trait ExternalPlant: Send {
+pub trait ExternalPlant: Send + Sync {
     /// The car `dt_s` later, with `input` held.
     ///
     /// `state` is what the step before returned (at first: where the car is placed), with `s_m` brought back onto the

@@ -10,6 +10,8 @@ pub enum Origin {
     Preset(&'static str),
     /// On the command line.
     CommandLine,
+    /// In a program that called.
+    Caller,
     /// In a file.
     File {
         /// The file.
@@ -24,6 +26,7 @@ impl fmt::Display for Origin {
         match self {
             Self::Preset(name) => write!(f, "preset {name}"),
             Self::CommandLine => write!(f, "command line"),
+            Self::Caller => write!(f, "config"),
             Self::File { path, line } => write!(f, "{}:{line}", path.display()),
         }
     }
@@ -144,7 +147,7 @@ pub enum ConfigFileError {
     },
 }
 
-fn suggestion(nearest: Option<&str>, allowed: &[String]) -> String {
+pub(super) fn suggestion(nearest: Option<&str>, allowed: &[String]) -> String {
     match nearest {
         Some(name) => format!("; did you mean `{name}`?"),
         None if allowed.is_empty() => String::new(),

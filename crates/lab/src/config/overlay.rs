@@ -84,6 +84,22 @@ impl Overlay {
         self.assign(Origin::CommandLine, key, value)
     }
 
+    /// Lays the values of a program that called over the table; keys may be nested or dotted.
+    pub fn values(&mut self, values: &Table) -> Result<(), ConfigFileError> {
+        self.values_below("", values)
+    }
+
+    fn values_below(&mut self, prefix: &str, values: &Table) -> Result<(), ConfigFileError> {
+        for (name, value) in values {
+            let key = format!("{prefix}{name}");
+            match value {
+                Value::Table(inner) if is_section(value) => self.values_below(&format!("{key}."), inner)?,
+                _ => self.assign(Origin::Caller, &key, value.clone())?,
+            }
+        }
+        Ok(())
+    }
+
     /// Gives `key` a value, if the key exists and the value has its type and is known to it.
     pub fn assign(&mut self, origin: Origin, key: &str, value: Value) -> Result<(), ConfigFileError> {
         let Some(old) = self.get(key) else { return Err(self.unknown_key(origin, key, &value)) };

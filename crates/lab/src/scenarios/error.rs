@@ -40,6 +40,24 @@ pub enum ScenarioFileError {
         /// The nearest name that is allowed, if any is near.
         nearest: Option<String>,
     },
+    /// It needs more than its text.
+    #[error("{} needs a recording; only `lanecraft scenario` drives in it", path.display())]
+    NeedsRecording {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Neither a file nor the name of a scenario that comes with the program.
+    #[error(
+        "there is no file and no scenario `{name}`{}",
+        nearest(name, names.iter().map(String::as_str))
+            .map_or_else(|| format!("; the scenarios are {}", names.join(", ")), |near| hint(Some(near)))
+    )]
+    NoSuchName {
+        /// As given.
+        name: String,
+        /// The names that exist.
+        names: Vec<String>,
+    },
     /// Its recording is not there.
     #[error(
         "{origin}: there is no recording `{file}`, neither beside the scenario nor in the folder LANECRAFT_DATA{}",

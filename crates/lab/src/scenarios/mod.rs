@@ -1,5 +1,6 @@
 //! Scenario files on disk: read with the line, the key and a suggestion where something is wrong, driven, recorded and drawn.
 
+mod builtin;
 mod error;
 mod gallery;
 mod picture;
@@ -14,6 +15,7 @@ use lanecraft_drive::road::Road;
 use lanecraft_drive::scenario::{Recording, Scenario, ScenarioFile};
 use lanecraft_drive::traffic::World;
 
+pub use builtin::{named, names};
 pub use error::ScenarioFileError;
 pub use gallery::{gallery_page, name_of};
 pub use picture::picture;
@@ -44,7 +46,11 @@ impl LoadedScenario {
     /// # Errors
     /// If the file cannot be read or is wrong; the error has the line, the key and the nearest name.
     pub fn read(path: &Path) -> Result<Self, ScenarioFileError> {
-        let loaded = Self::parse(path, read_text(path)?)?;
+        Self::checked(path, read_text(path)?)
+    }
+
+    fn checked(path: &Path, text: String) -> Result<Self, ScenarioFileError> {
+        let loaded = Self::parse(path, text)?;
         let scenario = loaded.scenario(0)?;
         World::new(&scenario).map_err(|error| place(path, &loaded.text, &error))?;
         Ok(loaded)
@@ -59,9 +65,20 @@ impl LoadedScenario {
         Ok(Self { path: path.to_owned(), text, file, recording })
     }
 
-    /// Whether it needs more than its text: then no run and no trace can hold it.
+    /// Whether it needs more than its text.
     pub fn needs_recording(&self) -> bool {
         self.recording.is_some()
+    }
+
+    /// Its text as a value of the key `env.scenario`.
+    ///
+    /// # Errors
+    /// If it needs a recording, which no run and no trace can hold.
+    pub fn into_value(self) -> Result<String, ScenarioFileError> {
+        if self.needs_recording() {
+            return Err(ScenarioFileError::NeedsRecording { path: self.path });
+        }
+        Ok(self.text)
     }
 
     /// The road.

@@ -1,0 +1,162 @@
+//! What is simulated, who acts in it, and the shapes of what goes in and out.
+
+use std::sync::Arc;
+
+use lanecraft_drive::env::{Config, Env, EnvError};
+
+use super::metrics::{self, Metric};
+
+/// Which seat of the car is taken by whoever acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seat {
+    /// Decides once a tick; one of the actions.
+    Decide,
+    /// Hands in a path once a tick: lateral position at its end (m), duration (s), speed (m/s).
+    Plan,
+    /// Hands in a command at every control step: acceleration (m/s²), road-wheel angle (rad).
+    Control,
+}
+
+impl Seat {
+    /// All seats with their names.
+    pub const NAMES: [(&'static str, Self); 3] =
+        [("decide", Self::Decide), ("plan", Self::Plan), ("control", Self::Control)];
+}
+
+/// What becomes of an action that the mask forbids.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MaskedActions {
+    /// *Continue* takes its place during a lane change, else holding the speed, else the first action that is allowed.
+    Replace,
+    /// It is refused.
+    Refuse,
+}
+
+impl MaskedActions {
+    /// Both with their names.
+    pub const NAMES: [(&'static str, Self); 2] = [("replace", Self::Replace), ("raise", Self::Refuse)];
+}
+
+/// Actions that may be taken.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ActionSpace {
+    /// Whole numbers from 0, fewer than this.
+    Discrete(usize),
+    /// Vectors within these bounds.
+    Continuous {
+        /// The smallest of each.
+        low: Vec<f64>,
+        /// The largest of each.
+        high: Vec<f64>,
+    },
+}
+
+impl ActionSpace {
+    /// Numbers in one action.
+    pub fn width(&self) -> usize {
+        match self {
+            Self::Discrete(_) => 1,
+            Self::Continuous { low, .. } => low.len(),
+        }
+    }
+}
+
+/// Observations that may be made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObservationSpace {
+    /// Length along each axis.
+    pub shape: Vec<usize>,
+    /// The smallest of each number, in the order of the observation.
+    pub low: Vec<f32>,
+    /// The largest of each number.
+    pub high: Vec<f32>,
+}
+
+impl ObservationSpace {
+    /// Numbers in one observation.
+    pub fn size(&self) -> usize {
+        self.low.len()
+    }
+}
+
+/// Why a task cannot be had.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct TaskError(#[from] pub EnvError);
+
+/// An environment to be made again and again.
+#[derive(Clone, Debug)]
+pub struct Task {
+    pub(super) config: Arc<Config>,
+    pub(super) seat: Seat,
+    pub(super) masked: MaskedActions,
+    actions: ActionSpace,
+    action_names: Vec<String>,
+    observations: ObservationSpace,
+}
+
+impl Task {
+    /// The whole loop, with whoever acts in this seat.
+    ///
+    /// # Errors
+    /// If the configuration is not valid, or no scene can be built from it.
+    pub fn new(config: Arc<Config>, seat: Seat, masked: MaskedActions) -> Result<Self, TaskError> {
+        let env = Env::new(&config, 0)?;
+        let (low, high) = config.observation.bounds();
+        let observations = ObservationSpace { shape: config.observation.shape(), low, high };
+        let actions = action_space(&env, seat);
+        let named = if let ActionSpace::Discrete(count) = actions { count } else { 0 };
+        let action_names = (0..named).map(|action| env.actions().name(action)).collect();
+        Ok(Self { config, seat, masked, actions, action_names, observations })
+    }
+
+    /// The actions.
+    pub fn actions(&self) -> &ActionSpace {
+        &self.actions
+    }
+
+    /// Numbers in a mask; none if actions are not discrete.
+    pub fn mask_width(&self) -> usize {
+        match self.actions {
+            ActionSpace::Discrete(actions) => actions,
+            ActionSpace::Continuous { .. } => 0,
+        }
+    }
+
+    /// The observations.
+    pub fn observations(&self) -> &ObservationSpace {
+        &self.observations
+    }
+
+    /// What is measured at each step.
+    pub fn metrics(&self) -> &'static [Metric] {
+        metrics::DRIVE
+    }
+
+    /// What each action does, in words; none if actions are not discrete.
+    pub fn action_names(&self) -> Vec<String> {
+        self.action_names.clone()
+    }
+
+    /// The configuration as TOML.
+    pub fn config_toml(&self) -> String {
+        toml::to_string(&*self.config).expect("all sections are tables of plain values")
+    }
+}
+
+fn action_space(env: &Env, seat: Seat) -> ActionSpace {
+    match seat {
+        // Those of the set, *continue* and *abort*.
+        Seat::Decide => ActionSpace::Discrete(env.actions().len() + 2),
+        Seat::Plan => {
+            let bounds = env.driver().path_bounds();
+            let [low, high] = [bounds.low, bounds.high].map(|path| vec![path.end_d_m, path.duration_s, path.speed_mps]);
+            ActionSpace::Continuous { low, high }
+        }
+        Seat::Control => {
+            let (low, high) = env.control_bounds();
+            let [low, high] = [low, high].map(|input| vec![input.accel_mps2, input.steer_rad]);
+            ActionSpace::Continuous { low, high }
+        }
+    }
+}

@@ -1,0 +1,50 @@
+"""From the keyword arguments that all environments share to a task and its spaces."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Mapping
+from os import PathLike, fspath
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from ._lanecraft import Task
+from .errors import ConfigError
+
+LARGEST_SEED = 2**64 - 1
+
+
+def make_task(
+    preset: str,
+    config: Mapping[str, Any] | None,
+    scenario: str | PathLike[str] | None,
+    seat: str,
+    masked_actions: str,
+) -> Task:
+    if config is not None and not isinstance(config, Mapping):
+        raise TypeError(f"config is a mapping of keys to values, not {type(config).__name__}")
+    return Task(preset, dict(config or {}), None if scenario is None else fspath(scenario), seat, masked_actions)
+
+
+def action_space(task: Task) -> spaces.Discrete | spaces.Box:
+    if task.actions is not None:
+        return spaces.Discrete(task.actions)
+    low, high = (np.array(bound, dtype=np.float32) for bound in task.action_bounds)
+    return spaces.Box(low, high, dtype=np.float32)
+
+
+def observation_space(task: Task) -> spaces.Box:
+    low, high = (np.array(bound, dtype=np.float32).reshape(task.observation_shape) for bound in task.observation_bounds)
+    return spaces.Box(low, high, dtype=np.float32)
+
+
+def checked_seed(seed: Any) -> int:
+    try:
+        whole = operator.index(seed)
+    except TypeError:
+        raise TypeError(f"a seed is a whole number, not {type(seed).__name__}") from None
+    if not 0 <= whole <= LARGEST_SEED:
+        raise ConfigError(f"a seed is in 0..={LARGEST_SEED}, not {whole}")
+    return whole

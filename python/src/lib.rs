@@ -1,0 +1,27 @@
+//! The compiled half of the Python package `lanecraft`: thin bindings, no logic of their own.
+//!
+//! Users never see these classes: the package wraps them (`lanecraft/env.py`, `lanecraft/vector.py`), and its stubs
+//! (`lanecraft/_lanecraft.pyi`) document them.
+
+mod env;
+mod errors;
+mod task;
+mod vector;
+
+use pyo3::prelude::*;
+
+/// The compiled half of `lanecraft`.
+#[pymodule]
+mod _lanecraft {
+    #[pymodule_export]
+    use super::env::EnvCore;
+    #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "Python's name for it")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+    #[pymodule_export]
+    use super::task::Task;
+    #[pymodule_export]
+    use super::task::scenarios;
+    #[pymodule_export]
+    use super::vector::VectorCore;
+}
