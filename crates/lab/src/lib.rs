@@ -18,6 +18,7 @@ pub mod policy;
 pub mod profile;
 pub mod progress;
 pub mod quickstart;
+pub mod render;
 pub mod replay;
 pub mod report;
 pub mod run_dir;
