@@ -28,6 +28,8 @@ const MODULES: &[(&str, &[&str])] = &[
     ("driver", &["config", "road", "vehicle", "models", "scene", "predict", "plan", "control", "decide"]),
     // Both, in a closed loop.
     ("env", ALL_BUT_ENV),
+    // The world and a simple ego car, without the mind.
+    ("kinematic", &["config", "snapshot", "road", "vehicle", "scene", "scenario", "traffic", "decide"]),
 ];
 const ALL_BUT_ENV: &[&str] = &[
     "config", "snapshot", "road", "vehicle", "models", "scene", "scenario", "traffic", "perceive", "predict", "plan",

@@ -88,6 +88,8 @@ pub enum SnapshotKind {
     Episode,
     /// The traffic alone.
     World,
+    /// An episode of the fast environment.
+    Kinematic,
 }
 
 /// What stands before the state.

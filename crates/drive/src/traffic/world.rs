@@ -17,7 +17,7 @@ use crate::road::{LaneIndex, Road, Topology};
 use crate::scenario::{Scenario, ScenarioError, TrafficConfig, VehicleSpec};
 use crate::scene::VehicleId;
 
-/// Step of the warm-up, s.
+/// Step of the warm-up where none is named, s.
 const WARM_UP_STEP_S: f64 = 0.05;
 /// Stress: how far ahead of the ego cars brake, m.
 const STRESS_RANGE_M: f64 = 80.0;
@@ -164,12 +164,21 @@ impl World {
     /// # Errors
     /// If the scene is impossible or unsafe.
     pub fn new(scenario: &Scenario) -> Result<Self, ScenarioError> {
+        Self::with_step(scenario, WARM_UP_STEP_S)
+    }
+
+    /// The same for a world that is then stepped by `step_s`: the warm-up takes that step, too, and the drivers' first pauses are counted
+    /// in it.
+    ///
+    /// # Errors
+    /// If the scene is impossible or unsafe.
+    pub fn with_step(scenario: &Scenario, step_s: f64) -> Result<Self, ScenarioError> {
         scenario.traffic.validate()?;
         scenario.check()?;
         let road = &scenario.road;
         let ring_m = if road.config().topology == Topology::Ring { road.config().length_m } else { f64::INFINITY };
-        let start = -((scenario.warm_up_s / WARM_UP_STEP_S).round() as i64);
-        let free_step = |spec: &VehicleSpec| start + i64::from(steps(spec.cooldown_s, WARM_UP_STEP_S));
+        let start = -((scenario.warm_up_s / step_s).round() as i64);
+        let free_step = |spec: &VehicleSpec| start + i64::from(steps(spec.cooldown_s, step_s));
         let free_steps: Vec<i64> = scenario.vehicles.iter().map(free_step).collect();
         let mut world = Self {
             road: Arc::clone(road),
@@ -187,7 +196,7 @@ impl World {
         };
         world.leaders.resize(world.fleet.len());
         while world.now < 0 {
-            let _ = world.step_alone(WARM_UP_STEP_S);
+            let _ = world.step_alone(step_s);
         }
         world.begin_script();
         world.ego_start = world.place_ego(scenario)?;
