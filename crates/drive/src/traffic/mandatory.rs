@@ -81,11 +81,17 @@ impl World {
 
     /// Whether `i` in `lane` could stop before its end.
     pub(super) fn stops_before_end(&self, i: usize, lane: u8) -> bool {
-        self.end_gap_m(i, lane) >= self.limits(i, false).required_gap_m(self.fleet.speed_mps[i], 0.0)
+        self.road.has_all_lanes()
+            || self.end_gap_m(i, lane) >= self.limits(i, false).required_gap_m(self.fleet.speed_mps[i], 0.0)
     }
 
     /// The side to which somebody in `lane` must change by now.
+    #[inline]
     fn must_leave(&self, lane: LaneIndex, s_m: f64, speed_mps: f64) -> Option<Side> {
+        // Most roads have no lane that ends.
+        if self.road.has_all_lanes() {
+            return None;
+        }
         let end_m = self.road.lane_end_ahead_m(lane, s_m);
         if end_m.is_infinite() {
             return None;
@@ -96,6 +102,7 @@ impl World {
     }
 
     /// The side to which vehicle `i` must change by now.
+    #[inline]
     pub(super) fn way_out(&self, i: usize) -> Option<Side> {
         self.must_leave(LaneIndex(self.fleet.target_lane[i]), self.fleet.s_m[i], self.fleet.speed_mps[i])
     }
