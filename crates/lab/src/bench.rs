@@ -2,6 +2,7 @@
 //!
 //! A timed part is repeated for a second in all; rates are of one core unless the name says otherwise.
 
+mod kinematic;
 mod traffic;
 
 use std::hint::black_box;
@@ -68,6 +69,8 @@ pub enum Group {
     Traffic,
     /// The closed loop and the shares of its parts.
     Env,
+    /// The fast environment.
+    Kinematic,
     /// The learner.
     Learner,
     /// The quick start's policy beside all rules on the evaluation's scenarios; trains first.
@@ -78,15 +81,17 @@ pub enum Group {
 
 impl Group {
     /// All groups.
-    pub const ALL: [Self; 5] = [Self::Traffic, Self::Env, Self::Learner, Self::Policies, Self::BestLane];
+    pub const ALL: [Self; 6] =
+        [Self::Traffic, Self::Env, Self::Kinematic, Self::Learner, Self::Policies, Self::BestLane];
     /// Those that are done in seconds.
-    pub const SHORT: [Self; 3] = [Self::Traffic, Self::Env, Self::Learner];
+    pub const SHORT: [Self; 4] = [Self::Traffic, Self::Env, Self::Kinematic, Self::Learner];
 
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Traffic => "traffic",
             Self::Env => "env",
+            Self::Kinematic => "kinematic",
             Self::Learner => "learner",
             Self::Policies => "policies",
             Self::BestLane => "best-lane",
@@ -98,6 +103,7 @@ impl Group {
         match self {
             Self::Traffic => traffic::run(config, found),
             Self::Env => env(config, found),
+            Self::Kinematic => kinematic::run(found),
             Self::Learner => learner(config, found),
             Self::Policies => policies(config, found),
             Self::BestLane => best_lane(config, found),

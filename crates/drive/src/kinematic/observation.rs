@@ -97,7 +97,8 @@ fn nearest<'a>(
     let (road, most) = (world.road(), config.observed_vehicles - 1);
     let behind_m = if config.see_behind { SIGHT_M } else { BESIDE_M };
     let mut count = 0;
-    for vehicle in world.vehicles_near(ego.s_m, SIGHT_M) {
+    let (middle_m, reach_m) = (0.5 * (SIGHT_M - behind_m), 0.5 * (SIGHT_M + behind_m));
+    for vehicle in world.vehicles_near(ego.s_m + middle_m, reach_m) {
         let ahead_m = road.ahead_m(ego.s_m, vehicle.s_m);
         let aside_m = vehicle.d_m - ego.d_m;
         if ahead_m <= -behind_m || ahead_m * ahead_m + aside_m * aside_m >= SIGHT_M * SIGHT_M {
