@@ -25,7 +25,7 @@ __all__ = [
     "scenarios",
 ]
 
-for _name, _preset in [("Highway-v0", "default"), ("HighwayPaper-v0", "paper")]:
+for _name, _preset in [("Highway-v0", "default"), ("HighwayPaper-v0", "paper"), ("HighwayFast-v0", "fast")]:
     _register(
         id=f"lanecraft/{_name}",
         entry_point="lanecraft:Env",

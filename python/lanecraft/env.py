@@ -21,7 +21,7 @@ class Env(EnvCore, gymnasium.Env[Observation, Any]):
     """A highway with traffic and one car whose seat is yours.
 
     Args:
-        preset: ``"default"`` (what works best) or ``"paper"``.
+        preset: ``"default"`` (what works best), ``"paper"``, or ``"fast"`` (traffic and a kinematic car alone, for raw speed).
         config: your own numbers laid over the preset, with nested or dotted keys: ``{"traffic.density_veh_per_km_lane": 20}``.
             ``config_toml`` shows every key with its value.
         scenario: the name of a scenario that comes with the package (:func:`lanecraft.scenarios`) or the path of a scenario file.
@@ -48,8 +48,17 @@ class Env(EnvCore, gymnasium.Env[Observation, Any]):
         render_mode: str | None = None,
     ) -> None:
         task = _tasks.make_task(preset, config, scenario, seat, masked_actions)
+        self._arguments = {
+            "preset": preset,
+            "config": config,
+            "scenario": scenario,
+            "seat": seat,
+            "masked_actions": masked_actions,
+            "render_mode": render_mode,
+        }
         self._open(task)
         self.render_mode = _checked_render_mode(render_mode, self.metadata["render_modes"])
+        self.metadata = {**type(self).metadata, "render_fps": round(1.0 / task.step_s)}
         self.config_toml = task.config_toml
         self.action_names = task.action_names
         self.action_space = _tasks.action_space(task)
@@ -81,9 +90,21 @@ class Env(EnvCore, gymnasium.Env[Observation, Any]):
             return self._ansi(100)
         return None
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled and copied by its arguments and a snapshot of the running episode."""
+        return _remade, (type(self), self._arguments, self._series(), self._stored(), self._seeded)
+
     def close(self) -> None:
         """Lets go of the episode; the environment cannot be used afterwards."""
         self._close()
+
+
+def _remade(kind: type[Env], arguments: dict[str, Any], series: Any, snapshot: bytes | None, seeded: bool) -> Env:
+    env = kind(**arguments)
+    env._seeded = seeded
+    if snapshot is not None:
+        env._resume(series, snapshot)
+    return env
 
 
 def _checked_render_mode(mode: str | None, modes: list[str]) -> str | None:

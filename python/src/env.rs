@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use lanecraft_drive::snapshot::Snapshot;
 use lanecraft_lab::gym::{self, ActionSpace, Actions, Gym, MetricKind};
+use lanecraft_lab::render;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn};
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
@@ -122,9 +123,37 @@ impl EnvCore {
         self.look(py)
     }
 
+    /// The running episode as bytes, if there is one.
+    fn _stored<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyBytes>>> {
+        if let State::Running(..) = self.state { self.snapshot(py).map(Some) } else { Ok(None) }
+    }
+
+    /// Seed and number of the present episode.
+    fn _series(&self) -> Option<(u64, u64)> {
+        self.series
+    }
+
+    /// Goes on from an episode that was stored, and in its series.
+    fn _resume(&mut self, py: Python<'_>, series: (u64, u64), snapshot: &[u8]) -> PyResult<()> {
+        self.restore(py, snapshot)?;
+        self.series = Some(series);
+        Ok(())
+    }
+
     /// A digest of the whole physical state: equal states have equal digests.
     fn digest(&self) -> PyResult<u64> {
         Ok(self.gym()?.digest())
+    }
+
+    /// The present instant as pixels: RGB, shape (`height_px`, `width_px`, 3).
+    fn _rgb<'py>(&self, py: Python<'py>, width_px: u32, height_px: u32) -> PyResult<Bound<'py, PyArrayDyn<u8>>> {
+        let pixels = render::rgb(&self.gym()?.view(), width_px, height_px).map_err(|error| errors::config(&error))?;
+        PyArray1::from_vec(py, pixels).reshape(&[height_px as usize, width_px as usize, 3][..])
+    }
+
+    /// The present instant as text for a terminal.
+    fn _ansi(&self, columns: usize) -> PyResult<String> {
+        render::ansi(&self.gym()?.view(), columns).map_err(|error| errors::config(&error))
     }
 
     /// Lets go of the episode.

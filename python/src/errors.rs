@@ -2,7 +2,6 @@
 
 use std::error::Error;
 
-use lanecraft_drive::env::StepError;
 use lanecraft_lab::gym::GymError;
 use pyo3::PyErr;
 
@@ -39,8 +38,8 @@ pub(crate) fn gym(error: &GymError) -> PyErr {
         innermost = source;
     }
     match innermost {
-        GymError::Step(StepError::Over) => ResetNeeded::new_err(text),
-        GymError::Env(_) => ConfigError::new_err(text),
+        GymError::Over => ResetNeeded::new_err(text),
+        GymError::Env(_) | GymError::Scenario(_) => ConfigError::new_err(text),
         GymError::Snapshot(_) | GymError::OtherTask => SnapshotError::new_err(text),
         GymError::Threads(_) => pyo3::exceptions::PyRuntimeError::new_err(text),
         _ => ActionError::new_err(text),

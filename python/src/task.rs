@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use lanecraft_lab::config::{Preset, RunConfig};
+use lanecraft_lab::config::{Preset, RunConfig, resolve_kinematic};
 use lanecraft_lab::gym::{self, ActionSpace, MaskedActions, Seat};
 use lanecraft_lab::scenarios::LoadedScenario;
 use pyo3::exceptions::PyTypeError;
@@ -11,6 +11,10 @@ use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString, PyTuple};
 use toml::{Table, Value};
 
 use crate::errors::{self, ConfigError};
+
+/// The presets of the whole loop, and the fast environment.
+const PRESETS: [(&str, Option<Preset>); 3] =
+    [("default", Some(Preset::Default)), ("paper", Some(Preset::Paper)), ("fast", None)];
 
 /// An environment to be made again and again.
 #[pyclass(frozen, module = "lanecraft._lanecraft")]
@@ -29,18 +33,29 @@ impl Task {
         seat: &str,
         masked_actions: &str,
     ) -> PyResult<Self> {
-        let presets = Preset::ALL.map(|preset| (preset.name(), preset));
-        let preset = named("preset", preset, &presets)?;
-        let seat = named("seat", seat, &Seat::NAMES)?;
-        let masked = named("masked_actions", masked_actions, &MaskedActions::NAMES)?;
         let mut values = table(config, 0)?;
-        if let Some(scenario) = scenario {
-            let text = lanecraft_lab::scenarios::named(scenario).and_then(LoadedScenario::into_value);
-            values.insert("env.scenario".to_owned(), Value::String(text.map_err(|error| errors::config(&error))?));
-        }
-        let run = RunConfig::resolve_table(preset, &values).map_err(|error| errors::config(&error))?;
-        let task = gym::Task::new(Arc::new(run.environment), seat, masked).map_err(|error| errors::config(&error))?;
-        Ok(Self { inner: Arc::new(task) })
+        let masked = named("value of masked_actions", masked_actions, &MaskedActions::NAMES)?;
+        let seat = named("seat", seat, &Seat::NAMES)?;
+        let inner = match named("preset", preset, &PRESETS)? {
+            None => {
+                if scenario.is_some() || seat != Seat::Decide {
+                    let text = "the preset `fast` has its own traffic and the seat `decide` alone";
+                    return Err(ConfigError::new_err(text));
+                }
+                let config = resolve_kinematic(&values).map_err(|error| errors::config(&error))?;
+                gym::Task::kinematic(Arc::new(config), masked)
+            }
+            Some(preset) => {
+                if let Some(scenario) = scenario {
+                    let text = lanecraft_lab::scenarios::named(scenario).and_then(LoadedScenario::into_value);
+                    let text = text.map_err(|error| errors::config(&error))?;
+                    values.insert("env.scenario".to_owned(), Value::String(text));
+                }
+                let run = RunConfig::resolve_table(preset, &values).map_err(|error| errors::config(&error))?;
+                gym::Task::drive(Arc::new(run.environment), seat, masked)
+            }
+        };
+        Ok(Self { inner: Arc::new(inner.map_err(|error| errors::config(&error))?) })
     }
 
     /// Number of discrete actions, or `None`.
@@ -80,10 +95,16 @@ impl Task {
         self.inner.config_toml()
     }
 
+    /// Simulated time from one step to the next, s.
+    #[getter]
+    fn step_s(&self) -> f64 {
+        self.inner.step_s()
+    }
+
     /// What each action does, in words; empty if actions are continuous.
     #[getter]
     fn action_names(&self) -> Vec<String> {
-        self.inner.action_names()
+        self.inner.action_names().to_vec()
     }
 }
 

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use lanecraft_drive::config::{ConfigError, check_range};
 pub use lanecraft_drive::env::Config as EnvironmentConfig;
+use lanecraft_drive::kinematic::KinematicConfig;
 use lanecraft_learn::LearnerConfig;
 use lanecraft_learn::irl::IrlConfig;
 use serde::{Deserialize, Serialize};
@@ -178,6 +179,20 @@ struct LabSections {
 
 impl LabSections {
     const NAMES: [&'static str; 4] = ["irl", "learner", "training", "evaluation"];
+}
+
+/// The fast environment, laid over by `values`, whose keys may be nested or dotted, checked and validated.
+pub fn resolve_kinematic(values: &Table) -> Result<KinematicConfig, ConfigFileError> {
+    let table = Table::try_from(KinematicConfig::default()).expect("all sections are tables of plain values");
+    let mut overlay = Overlay::new("fast", table, |table| table.clone().try_into::<KinematicConfig>().map(drop));
+    overlay.values(values)?;
+    let config: KinematicConfig =
+        overlay.table().clone().try_into().expect("each key was checked when it was laid over");
+    config.validate().map_err(|source| {
+        let source = SectionError::from(source);
+        ConfigFileError::Invalid { origin: overlay.origin(source.key()), source }
+    })?;
+    Ok(config)
 }
 
 /// What to say of a name that does not exist.

@@ -23,6 +23,17 @@ impl MetaAction {
     /// All of them; an action's index is its place here.
     pub const ALL: [Self; 5] = [Self::LaneLeft, Self::Idle, Self::LaneRight, Self::Faster, Self::Slower];
 
+    /// Its name in highway-env.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::LaneLeft => "LANE_LEFT",
+            Self::Idle => "IDLE",
+            Self::LaneRight => "LANE_RIGHT",
+            Self::Faster => "FASTER",
+            Self::Slower => "SLOWER",
+        }
+    }
+
     /// The side that a lane change goes to.
     pub fn side(self) -> Option<Side> {
         match self {

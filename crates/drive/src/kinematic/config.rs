@@ -155,6 +155,20 @@ impl KinematicsConfig {
     pub fn size(&self) -> usize {
         self.observed_vehicles * self.features.len()
     }
+
+    /// The lowest and the highest value of each number, in their order; without scaling, what can grow without end is bounded by the
+    /// largest number of single precision.
+    pub fn bounds(&self) -> (Vec<f32>, Vec<f32>) {
+        let row = self.features.iter().map(|feature| match feature {
+            Feature::Presence => (0.0, 1.0),
+            Feature::CosH | Feature::SinH => (-1.0, 1.0),
+            Feature::Heading => (-core::f32::consts::PI, core::f32::consts::PI),
+            Feature::X | Feature::Y | Feature::Vx | Feature::Vy if self.normalize => (-1.0, 1.0),
+            Feature::X | Feature::Y | Feature::Vx | Feature::Vy => (f32::MIN, f32::MAX),
+        });
+        let rows = std::iter::repeat_n(row, self.observed_vehicles);
+        rows.flatten().unzip()
+    }
 }
 
 impl KinematicConfig {

@@ -11,7 +11,7 @@ use super::observation::observe;
 use crate::decide::ActionMask;
 use crate::road::RoadConfig;
 use crate::scenario::{ScenarioDistribution, ScenarioError};
-use crate::traffic::{ExternalBody, World};
+use crate::traffic::{Collision, ExternalBody, World};
 use crate::vehicle::VehicleParams;
 
 /// Why a decision cannot be carried out.
@@ -54,6 +54,7 @@ pub struct KinematicEnv {
     /// Decisions taken.
     steps: u32,
     over: bool,
+    collision: Option<Collision>,
 }
 
 impl KinematicEnv {
@@ -72,7 +73,7 @@ impl KinematicEnv {
         let car = VehicleParams::default();
         let size_m = (car.length_m, car.width_m);
         world.set_ego(body(&ego, size_m));
-        Ok(Self { config: Arc::clone(config), world, ego, size_m, steps: 0, over: false })
+        Ok(Self { config: Arc::clone(config), world, ego, size_m, steps: 0, over: false, collision: None })
     }
 
     /// Carries out the meta-action with this index in [`MetaAction::ALL`]. One that the mask lacks changes neither lane nor speed, as in
@@ -94,7 +95,8 @@ impl KinematicEnv {
         let dt_s = 1.0 / task.simulation_hz;
         let terminated = (0..task.steps_per_decision).any(|_| {
             self.ego.step(lane_center_m, target_mps, dt_s);
-            self.world.step(body(&self.ego, self.size_m), dt_s).collision.is_some()
+            self.collision = self.world.step(body(&self.ego, self.size_m), dt_s).collision;
+            self.collision.is_some()
         });
         self.steps += 1;
         let truncated = self.steps >= task.decisions();
@@ -145,6 +147,11 @@ impl KinematicEnv {
     /// The other vehicles.
     pub fn world(&self) -> &World {
         &self.world
+    }
+
+    /// The collision that ended the episode.
+    pub fn collision(&self) -> Option<Collision> {
+        self.collision
     }
 
     /// Whether the episode has ended, by a collision or by its length.

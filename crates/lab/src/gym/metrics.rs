@@ -2,6 +2,8 @@
 
 use lanecraft_drive::decide::RewardTerms;
 use lanecraft_drive::env::{Env, StepOutcome};
+use lanecraft_drive::kinematic::KinematicEnv;
+use lanecraft_drive::traffic::Collision;
 
 /// What kind of number a measurement is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,12 +59,39 @@ pub(super) const DRIVE: &[Metric] = &[
     metric("action", Count),
 ];
 
+/// Of the fast environment, in the order of [`kinematic`].
+pub(super) const KINEMATIC: &[Metric] = &[
+    metric("time_s", Float),
+    metric("speed_mps", Float),
+    metric("lane", Count),
+    metric("collided", Flag),
+    metric("at_fault", Flag),
+    metric("action", Count),
+];
+
+/// The measurements of the fast environment.
+pub(super) fn kinematic(env: &KinematicEnv, action: usize, out: &mut [f64]) {
+    let ego = env.ego();
+    let lane = env.world().road().nearest_lane(ego.d_m);
+    let (collided, at_fault) = ends(env.collision());
+    out.copy_from_slice(&[env.time_s(), ego.speed_mps, f64::from(lane.0), collided, at_fault, action as f64]);
+}
+
+/// Whether there was a collision, and whether it was the ego's fault.
+fn ends(collision: Option<Collision>) -> (f64, f64) {
+    (flag(collision.is_some()), flag(collision.is_some_and(|collision| collision.fault.at_fault())))
+}
+
+fn flag(value: bool) -> f64 {
+    f64::from(u8::from(value))
+}
+
 /// The measurements after a step, or after a reset if there was none.
 pub(super) fn drive(env: &Env, step: Option<&StepOutcome>, action: usize, out: &mut [f64]) {
     let (ego, episode) = (env.ego(), env.episode());
     let terms = step.map_or_else(RewardTerms::default, |step| step.reward);
     let counts = env.driver().counts();
-    let flag = |value: bool| f64::from(u8::from(value));
+    let (collided, at_fault) = ends(episode.collision);
     out.copy_from_slice(&[
         episode.control_steps as f64 * env.config().env.control_period_s,
         ego.speed_mps,
@@ -78,8 +107,8 @@ pub(super) fn drive(env: &Env, step: Option<&StepOutcome>, action: usize, out: &
         terms.jerk,
         terms.control_quality,
         terms.penalty,
-        flag(episode.collision.is_some()),
-        flag(episode.collision.is_some_and(|collision| collision.fault.at_fault())),
+        collided,
+        at_fault,
         f64::from(counts.lane_changes),
         f64::from(counts.aborts),
         f64::from(counts.refusals),

@@ -2,14 +2,17 @@
 
 use std::sync::Arc;
 
-use lanecraft_drive::decide::Maneuver;
+use lanecraft_drive::decide::{ActionMask, Maneuver};
 use lanecraft_drive::driver::PathCommand;
 use lanecraft_drive::env::{Env, EnvError, StepError, StepOutcome};
+use lanecraft_drive::kinematic::{self, KinematicEnv, MetaAction};
+use lanecraft_drive::scenario::ScenarioError;
 use lanecraft_drive::snapshot::{Snapshot, SnapshotError};
 use lanecraft_drive::vehicle::ControlInput;
 
 use super::metrics;
-use super::task::{ActionSpace, MaskedActions, Seat, Task};
+use super::task::{ActionSpace, MaskedActions, Seat, Simulation, Task};
+use crate::render::View;
 
 /// Why an environment cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -18,6 +21,20 @@ pub enum GymError {
     /// The scene cannot be built.
     #[error(transparent)]
     Env(#[from] EnvError),
+    /// The scene of the fast environment cannot be built.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+    /// The episode has ended.
+    #[error("the episode is over; begin a new one")]
+    Over,
+    /// The mask forbids an action.
+    #[error("action {action} is not allowed now; allowed are {allowed:?}")]
+    Masked {
+        /// The action.
+        action: usize,
+        /// Those that are allowed.
+        allowed: Vec<usize>,
+    },
     /// An action that is none.
     #[error("action {action} does not exist; there are 0 to {last}")]
     NoSuchAction {
@@ -49,6 +66,9 @@ pub enum GymError {
     /// The step was refused.
     #[error(transparent)]
     Step(#[from] StepError),
+    /// The step of the fast environment was refused.
+    #[error(transparent)]
+    KinematicStep(#[from] kinematic::StepError),
     /// A state that cannot be stored or gone on from.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
@@ -121,20 +141,25 @@ pub enum Command {
 #[derive(Clone, Debug)]
 pub struct Gym {
     task: Arc<Task>,
-    env: Env,
-    last: Option<StepOutcome>,
+    simulator: Simulator,
+    /// The last action that was carried out.
     action: usize,
+}
+
+#[derive(Clone, Debug)]
+enum Simulator {
+    Drive { env: Box<Env>, last: Option<StepOutcome> },
+    Kinematic(Box<KinematicEnv>),
 }
 
 impl Gym {
     /// The start of the episode of this seed.
     pub fn new(task: &Arc<Task>, seed: u64) -> Result<Self, GymError> {
-        Ok(Self { task: Arc::clone(task), env: Env::new(&task.config, seed)?, last: None, action: 0 })
-    }
-
-    /// The environment itself.
-    pub fn env(&self) -> &Env {
-        &self.env
+        let simulator = match &task.simulation {
+            Simulation::Drive(config, _) => Simulator::Drive { env: Box::new(Env::new(config, seed)?), last: None },
+            Simulation::Kinematic(config) => Simulator::Kinematic(Box::new(KinematicEnv::new(config, seed)?)),
+        };
+        Ok(Self { task: Arc::clone(task), simulator, action: 0 })
     }
 
     /// What `action` means here; nothing moves yet.
@@ -143,12 +168,12 @@ impl Gym {
     /// If the episode is over, or the action does not exist, is out of bounds or is forbidden.
     pub fn command(&self, action: Actions) -> Result<Command, GymError> {
         action.check(self.task.actions(), 1)?;
-        if self.env.is_over() {
-            return Err(StepError::Over.into());
+        if self.is_over() {
+            return Err(GymError::Over);
         }
-        Ok(match (action, self.task.seat) {
+        Ok(match (action, &self.task.simulation) {
             (Actions::Discrete(action), _) => Command::Decide(self.legal(action[0])?),
-            (Actions::Continuous(numbers), Seat::Control) => {
+            (Actions::Continuous(numbers), Simulation::Drive(_, Seat::Control)) => {
                 let [accel_mps2, steer_rad] = self.within(numbers)?;
                 Command::Control(ControlInput { accel_mps2, steer_rad })
             }
@@ -161,31 +186,45 @@ impl Gym {
 
     /// One step: the reward, and whether the episode was terminated or truncated by it.
     pub fn step(&mut self, command: &Command) -> Result<(f64, bool, bool), GymError> {
-        let outcome = match command {
-            Command::Decide(action) => {
-                self.action = *action;
-                self.env.step(*action)?
+        if let Command::Decide(action) = command {
+            self.action = *action;
+        }
+        match (&mut self.simulator, command) {
+            (Simulator::Drive { env, last }, command) => {
+                let outcome = match command {
+                    Command::Decide(action) => env.step(*action)?,
+                    Command::Plan(path) => env.step_path(path)?,
+                    Command::Control(input) => env.step_control(input)?,
+                };
+                *last = Some(outcome);
+                Ok((outcome.reward.sum(), outcome.terminated, outcome.truncated))
             }
-            Command::Plan(path) => self.env.step_path(path)?,
-            Command::Control(input) => self.env.step_control(input)?,
-        };
-        self.last = Some(outcome);
-        Ok((outcome.reward.sum(), outcome.terminated, outcome.truncated))
+            (Simulator::Kinematic(env), _) => {
+                let outcome = env.step(self.action)?;
+                Ok((outcome.reward, outcome.terminated, outcome.truncated))
+            }
+        }
     }
 
     /// Whether the episode has ended.
     pub fn is_over(&self) -> bool {
-        self.env.is_over()
+        match &self.simulator {
+            Simulator::Drive { env, .. } => env.is_over(),
+            Simulator::Kinematic(env) => env.is_over(),
+        }
     }
 
     /// Writes the observation.
     pub fn observe(&self, out: &mut [f32]) {
-        self.env.observe(out);
+        match &self.simulator {
+            Simulator::Drive { env, .. } => env.observe(out),
+            Simulator::Kinematic(env) => env.observe(out),
+        }
     }
 
     /// Writes which actions are allowed; nothing if actions are not discrete.
     pub fn mask(&self, out: &mut [bool]) {
-        let mask = self.env.mask();
+        let mask = self.allowed();
         for (action, allowed) in out.iter_mut().enumerate() {
             *allowed = mask.allows(action);
         }
@@ -193,12 +232,34 @@ impl Gym {
 
     /// Writes the task's measurements.
     pub fn metrics(&self, out: &mut [f64]) {
-        metrics::drive(&self.env, self.last.as_ref(), self.action, out);
+        match &self.simulator {
+            Simulator::Drive { env, last } => metrics::drive(env, last.as_ref(), self.action, out),
+            Simulator::Kinematic(env) => metrics::kinematic(env, self.action, out),
+        }
+    }
+
+    /// What a picture of the present instant shows.
+    pub fn view(&self) -> View {
+        match &self.simulator {
+            Simulator::Drive { env, .. } => View::of(env),
+            Simulator::Kinematic(env) => View::of_kinematic(env),
+        }
+    }
+
+    /// A digest of the whole physical state: equal states have equal digests.
+    pub fn digest(&self) -> u64 {
+        match &self.simulator {
+            Simulator::Drive { env, .. } => env.digest(),
+            Simulator::Kinematic(env) => env.digest(),
+        }
     }
 
     /// The episode as it stands.
     pub fn snapshot(&self) -> Result<Snapshot, GymError> {
-        Ok(self.env.snapshot()?)
+        Ok(match &self.simulator {
+            Simulator::Drive { env, .. } => env.snapshot()?,
+            Simulator::Kinematic(env) => env.snapshot()?,
+        })
     }
 
     /// Goes on from an episode that was stored.
@@ -206,33 +267,52 @@ impl Gym {
     /// # Errors
     /// If it was one of another configuration, whose observations and actions may be others.
     pub fn restore(task: &Arc<Task>, snapshot: &Snapshot) -> Result<Self, GymError> {
-        let env = Env::restore(snapshot)?;
-        if env.config() != &task.config {
-            return Err(GymError::OtherTask);
-        }
-        Ok(Self { task: Arc::clone(task), env, last: None, action: 0 })
+        let simulator = match &task.simulation {
+            Simulation::Drive(config, _) => {
+                let env = Box::new(Env::restore(snapshot)?);
+                if env.config() != config {
+                    return Err(GymError::OtherTask);
+                }
+                Simulator::Drive { env, last: None }
+            }
+            Simulation::Kinematic(config) => {
+                let env = Box::new(KinematicEnv::restore(snapshot)?);
+                if env.config() != config {
+                    return Err(GymError::OtherTask);
+                }
+                Simulator::Kinematic(env)
+            }
+        };
+        Ok(Self { task: Arc::clone(task), simulator, action: 0 })
     }
 
-    /// A digest of the whole physical state: equal states have equal digests.
-    pub fn digest(&self) -> u64 {
-        self.env.digest()
+    fn allowed(&self) -> ActionMask {
+        match &self.simulator {
+            Simulator::Drive { env, .. } => env.mask(),
+            Simulator::Kinematic(env) => env.mask(),
+        }
     }
 
     /// The action that is taken for `action`.
     fn legal(&self, action: i64) -> Result<usize, GymError> {
-        let (mask, set) = (self.env.mask(), self.env.actions());
-        let count = set.len() + 2;
+        let (mask, count) = (self.allowed(), self.task.mask_width());
         let wanted = usize::try_from(action).ok().filter(|action| *action < count);
         let wanted = wanted.ok_or(GymError::NoSuchAction { action, last: count - 1 })?;
         if mask.allows(wanted) {
             return Ok(wanted);
         }
-        let hold = set.plain(Maneuver::Keep { accel_mps2: 0.0 });
-        let mut instead = [Some(set.continue_action()), hold].into_iter().flatten().chain(0..count);
-        match (self.task.masked, instead.find(|action| mask.allows(*action))) {
-            (MaskedActions::Replace, Some(instead)) => Ok(instead),
-            _ => Err(StepError::NotAllowed { action: wanted, mask }.into()),
+        if self.task.masked == MaskedActions::Refuse {
+            let allowed = (0..count).filter(|action| mask.allows(*action)).collect();
+            return Err(GymError::Masked { action: wanted, allowed });
         }
+        let calm = match &self.simulator {
+            Simulator::Drive { env, .. } => {
+                [Some(env.actions().continue_action()), env.actions().plain(Maneuver::Keep { accel_mps2: 0.0 })]
+            }
+            Simulator::Kinematic(_) => [Some(MetaAction::Idle as usize), None],
+        };
+        let mut instead = calm.into_iter().flatten().chain(0..count);
+        Ok(instead.find(|action| mask.allows(*action)).unwrap_or(wanted))
     }
 
     /// The numbers of an action. Bounds in single precision may lie beyond those in double precision by a rounding error, which is

@@ -3,6 +3,8 @@
 use std::sync::Arc;
 
 use lanecraft_drive::env::{Config, Env, EnvError};
+use lanecraft_drive::kinematic::{KinematicConfig, KinematicEnv, MetaAction};
+use lanecraft_drive::scenario::ScenarioError;
 
 use super::metrics::{self, Metric};
 
@@ -81,14 +83,29 @@ impl ObservationSpace {
 
 /// Why a task cannot be had.
 #[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-pub struct TaskError(#[from] pub EnvError);
+#[non_exhaustive]
+pub enum TaskError {
+    /// The whole loop cannot be made.
+    #[error(transparent)]
+    Env(#[from] EnvError),
+    /// The fast environment cannot be made.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+}
+
+/// What is simulated.
+#[derive(Clone, Debug)]
+pub(super) enum Simulation {
+    /// The whole loop, and which seat of it is taken.
+    Drive(Arc<Config>, Seat),
+    /// The fast environment.
+    Kinematic(Arc<KinematicConfig>),
+}
 
 /// An environment to be made again and again.
 #[derive(Clone, Debug)]
 pub struct Task {
-    pub(super) config: Arc<Config>,
-    pub(super) seat: Seat,
+    pub(super) simulation: Simulation,
     pub(super) masked: MaskedActions,
     actions: ActionSpace,
     action_names: Vec<String>,
@@ -100,14 +117,28 @@ impl Task {
     ///
     /// # Errors
     /// If the configuration is not valid, or no scene can be built from it.
-    pub fn new(config: Arc<Config>, seat: Seat, masked: MaskedActions) -> Result<Self, TaskError> {
+    pub fn drive(config: Arc<Config>, seat: Seat, masked: MaskedActions) -> Result<Self, TaskError> {
         let env = Env::new(&config, 0)?;
         let (low, high) = config.observation.bounds();
         let observations = ObservationSpace { shape: config.observation.shape(), low, high };
         let actions = action_space(&env, seat);
         let named = if let ActionSpace::Discrete(count) = actions { count } else { 0 };
         let action_names = (0..named).map(|action| env.actions().name(action)).collect();
-        Ok(Self { config, seat, masked, actions, action_names, observations })
+        Ok(Self { simulation: Simulation::Drive(config, seat), masked, actions, action_names, observations })
+    }
+
+    /// The fast environment.
+    ///
+    /// # Errors
+    /// If the configuration is not valid, or no scene can be built from it.
+    pub fn kinematic(config: Arc<KinematicConfig>, masked: MaskedActions) -> Result<Self, TaskError> {
+        KinematicEnv::new(&config, 0)?;
+        let seen = &config.task.observation;
+        let (low, high) = seen.bounds();
+        let observations = ObservationSpace { shape: vec![seen.observed_vehicles, seen.features.len()], low, high };
+        let actions = ActionSpace::Discrete(MetaAction::ALL.len());
+        let action_names = MetaAction::ALL.map(|action| action.name().to_owned()).into();
+        Ok(Self { simulation: Simulation::Kinematic(config), masked, actions, action_names, observations })
     }
 
     /// The actions.
@@ -130,17 +161,33 @@ impl Task {
 
     /// What is measured at each step.
     pub fn metrics(&self) -> &'static [Metric] {
-        metrics::DRIVE
+        match self.simulation {
+            Simulation::Drive(..) => metrics::DRIVE,
+            Simulation::Kinematic(_) => metrics::KINEMATIC,
+        }
     }
 
     /// What each action does, in words; none if actions are not discrete.
-    pub fn action_names(&self) -> Vec<String> {
-        self.action_names.clone()
+    pub fn action_names(&self) -> &[String] {
+        &self.action_names
     }
 
     /// The configuration as TOML.
     pub fn config_toml(&self) -> String {
-        toml::to_string(&*self.config).expect("all sections are tables of plain values")
+        let text = match &self.simulation {
+            Simulation::Drive(config, _) => toml::to_string(&**config),
+            Simulation::Kinematic(config) => toml::to_string(&**config),
+        };
+        text.expect("all sections are tables of plain values")
+    }
+
+    /// Simulated time from one step to the next, s.
+    pub fn step_s(&self) -> f64 {
+        match &self.simulation {
+            Simulation::Drive(config, Seat::Control) => config.env.control_period_s,
+            Simulation::Drive(config, _) => config.env.decision_period_s,
+            Simulation::Kinematic(config) => f64::from(config.task.steps_per_decision) / config.task.simulation_hz,
+        }
     }
 }
 

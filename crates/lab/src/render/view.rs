@@ -2,11 +2,13 @@
 
 use std::sync::Arc;
 
-use lanecraft_drive::driver::Change;
 use lanecraft_drive::env::Env;
+use lanecraft_drive::kinematic::KinematicEnv;
+use lanecraft_drive::plan::Quintic;
 use lanecraft_drive::road::{LaneIndex, Road, Side};
 use lanecraft_drive::scenario::VehicleKind;
 use lanecraft_drive::traffic::Vehicle;
+use lanecraft_drive::vehicle::VehicleState;
 
 use super::DASH_M;
 
@@ -80,9 +82,36 @@ impl View {
             },
             target_lane: driver.target_lane(),
             vehicles: world.vehicles().map(|vehicle| body_of(&vehicle)).collect(),
-            path: change.map_or_else(Vec::new, |change| path_ahead(change, ego.s_m, env_config.control_period_s)),
+            path: driver.path().map_or_else(Vec::new, |path| path_ahead(path, ego)),
             collision: touched.and_then(|with| world.vehicles().position(|vehicle| vehicle.id == with)),
             note: note(env),
+        }
+    }
+
+    /// The present instant of a fast environment.
+    pub fn of_kinematic(env: &KinematicEnv) -> Self {
+        let (world, ego, (length_m, width_m)) = (env.world(), env.ego(), env.ego_size_m());
+        let touched = env.collision().map(|collision| collision.with);
+        let note =
+            env.collision().map_or_else(String::new, |collision| format!("collision: {}", collision.fault.name()));
+        Self {
+            road: Arc::clone(world.road()),
+            time_s: env.time_s(),
+            ego: Body {
+                s_m: world.road().wrap_m(ego.s_m),
+                d_m: ego.d_m,
+                heading_rad: ego.heading_rad,
+                speed_mps: ego.speed_mps,
+                length_m,
+                width_m,
+                kind: VehicleKind::Car,
+                signal: None,
+            },
+            target_lane: ego.target_lane,
+            vehicles: world.vehicles().map(|vehicle| body_of(&vehicle)).collect(),
+            path: Vec::new(),
+            collision: touched.and_then(|with| world.vehicles().position(|vehicle| vehicle.id == with)),
+            note,
         }
     }
 
@@ -150,14 +179,12 @@ fn body_of(vehicle: &Vehicle) -> Body {
     }
 }
 
-/// The rest of a lane change at the speed that it holds.
-fn path_ahead(change: &Change, s_m: f64, period_s: f64) -> Vec<(f64, f64)> {
-    let quintic = &change.path.quintic;
-    let elapsed_s = f64::from(change.elapsed_steps) * period_s;
+/// The rest of a path, driven at the present speed.
+fn path_ahead((quintic, elapsed_s): (&Quintic, f64), ego: &VehicleState) -> Vec<(f64, f64)> {
     let left_s = (quintic.duration_s - elapsed_s).max(0.0);
     let point = |k| {
         let time_s = left_s * f64::from(k) / f64::from(PATH_PIECES);
-        (s_m + change.entry_speed_mps * time_s, quintic.at(elapsed_s + time_s).0)
+        (ego.s_m + ego.speed_mps * time_s, quintic.at(elapsed_s + time_s).0)
     };
     (0..=PATH_PIECES).map(point).collect()
 }
