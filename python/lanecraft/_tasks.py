@@ -22,16 +22,19 @@ def make_task(
     scenario: str | PathLike[str] | None,
     seat: str,
     masked_actions: str,
+    units: str,
 ) -> Task:
     if config is not None and not isinstance(config, Mapping):
         raise TypeError(f"config is a mapping of keys to values, not {type(config).__name__}")
-    return Task(preset, dict(config or {}), None if scenario is None else fspath(scenario), seat, masked_actions)
+    return Task(preset, dict(config or {}), None if scenario is None else fspath(scenario), seat, masked_actions, units)
 
 
-def action_space(task: Task) -> spaces.Discrete | spaces.Box:
+def action_space(task: Task, units: str) -> spaces.Discrete | spaces.Box:
     if task.actions is not None:
         return spaces.Discrete(task.actions)
-    low, high = (np.array(bound, dtype=np.float32) for bound in task.action_bounds)
+    low, _, high = (np.array(bound, dtype=np.float32) for bound in task.action_bounds)
+    if units == "normalized":
+        return spaces.Box(-1.0, 1.0, low.shape, dtype=np.float32)
     return spaces.Box(low, high, dtype=np.float32)
 
 

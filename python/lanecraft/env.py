@@ -25,10 +25,12 @@ class Env(EnvCore, gymnasium.Env[Observation, Any]):
         config: your own numbers laid over the preset, with nested or dotted keys: ``{"traffic.density_veh_per_km_lane": 20}``.
             ``config_toml`` shows every key with its value.
         scenario: the name of a scenario that comes with the package (:func:`lanecraft.scenarios`) or the path of a scenario file.
-        seat: ``"decide"`` (a discrete action each 0.5 s), ``"plan"`` (lateral end position in m, duration in s and speed in m/s each
-            0.5 s) or ``"control"`` (acceleration in m/s² and road-wheel angle in rad each 0.05 s).
+        seat: ``"decide"`` (a discrete action each 0.5 s), ``"plan"`` (lateral end position, duration and speed each 0.5 s) or
+            ``"control"`` (acceleration and road-wheel angle each 0.05 s).
         masked_actions: what becomes of an action that ``info["action_mask"]`` forbids: ``"replace"`` takes *continue*, else *hold* in
             its place (``info["action"]`` tells), ``"raise"`` raises :class:`ActionError`.
+        units: of continuous actions: ``"normalized"``, from −1 to 1 over ``action_bounds``, or ``"si"``: m, s and m/s for a plan, m/s²
+            and rad for a command.
         render_mode: ``"rgb_array"``, ``"ansi"`` or ``None``; neither needs a display.
 
     Raises:
@@ -45,15 +47,17 @@ class Env(EnvCore, gymnasium.Env[Observation, Any]):
         scenario: str | PathLike[str] | None = None,
         seat: str = "decide",
         masked_actions: str = "replace",
+        units: str = "normalized",
         render_mode: str | None = None,
     ) -> None:
-        task = _tasks.make_task(preset, config, scenario, seat, masked_actions)
+        task = _tasks.make_task(preset, config, scenario, seat, masked_actions, units)
         self._arguments = {
             "preset": preset,
             "config": config,
             "scenario": scenario,
             "seat": seat,
             "masked_actions": masked_actions,
+            "units": units,
             "render_mode": render_mode,
         }
         self._open(task)
@@ -61,7 +65,8 @@ class Env(EnvCore, gymnasium.Env[Observation, Any]):
         self.metadata = {**type(self).metadata, "render_fps": round(1.0 / task.step_s)}
         self.config_toml = task.config_toml
         self.action_names = task.action_names
-        self.action_space = _tasks.action_space(task)
+        self.action_bounds = task.action_bounds
+        self.action_space = _tasks.action_space(task, units)
         self.observation_space = _tasks.observation_space(task)
         self._seeded = False
 

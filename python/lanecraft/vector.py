@@ -29,7 +29,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[Any], ND
             ``reset(options={"reset_mask": ...})`` (``"Disabled"``).
         threads: how many threads step them; 0 is one for each processor.
         copy: whether arrays are yours to keep. Without, they are overwritten by the next step, and nothing is copied.
-        preset, config, scenario, seat, masked_actions: as for :class:`Env`.
+        preset, config, scenario, seat, masked_actions, units: as for :class:`Env`.
         render_mode: must be ``None``; render an :class:`Env` of the same seed.
     """
 
@@ -47,11 +47,12 @@ class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[Any], ND
         scenario: str | PathLike[str] | None = None,
         seat: str = "decide",
         masked_actions: str = "replace",
+        units: str = "normalized",
         render_mode: str | None = None,
     ) -> None:
         if render_mode is not None:
             raise ConfigError("a VectorEnv does not render; make an Env with the same seed for that")
-        task = _tasks.make_task(preset, config, scenario, seat, masked_actions)
+        task = _tasks.make_task(preset, config, scenario, seat, masked_actions, units)
         mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self._core = VectorCore(task, num_envs, mode, threads)
         self.metadata = {**type(self).metadata, "autoreset_mode": AutoresetMode(mode)}
@@ -59,7 +60,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[Any], ND
         self.render_mode = None
         self.config_toml = task.config_toml
         self.action_names = task.action_names
-        self.single_action_space = _tasks.action_space(task)
+        self.action_bounds = task.action_bounds
+        self.single_action_space = _tasks.action_space(task, units)
         self.single_observation_space = _tasks.observation_space(task)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

@@ -88,7 +88,7 @@ impl EnvCore {
         let State::Running(task, gym) = &mut self.state else { return Err(self.not_running()) };
         let command = match task.actions() {
             ActionSpace::Discrete(_) => gym.command(Actions::Discrete(&[whole(action)?])),
-            ActionSpace::Continuous { low, .. } => gym.command(Actions::Continuous(&reals(action, &[low.len()])?)),
+            ActionSpace::Continuous(ranges) => gym.command(Actions::Continuous(&reals(action, &[ranges.len()])?)),
         };
         let command = command.map_err(|error| errors::gym(&error))?;
         let outcome = py.detach(|| gym.step(&command)).map_err(|error| errors::gym(&error))?;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use lanecraft_lab::config::{Preset, RunConfig, resolve_kinematic};
-use lanecraft_lab::gym::{self, ActionSpace, MaskedActions, Seat};
+use lanecraft_lab::gym::{self, ActionSpace, MaskedActions, Range, Seat, Units};
 use lanecraft_lab::scenarios::LoadedScenario;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -25,16 +25,17 @@ pub(crate) struct Task {
 #[pymethods]
 impl Task {
     #[new]
-    #[pyo3(signature = (preset, config, scenario, seat, masked_actions))]
     fn new(
         preset: &str,
         config: &Bound<'_, PyDict>,
         scenario: Option<&str>,
         seat: &str,
         masked_actions: &str,
+        units: &str,
     ) -> PyResult<Self> {
         let mut values = table(config, 0)?;
         let masked = named("value of masked_actions", masked_actions, &MaskedActions::NAMES)?;
+        let units = named("value of units", units, &Units::NAMES)?;
         let seat = named("seat", seat, &Seat::NAMES)?;
         let inner = match named("preset", preset, &PRESETS)? {
             None => {
@@ -52,7 +53,7 @@ impl Task {
                     values.insert("env.scenario".to_owned(), Value::String(text));
                 }
                 let run = RunConfig::resolve_table(preset, &values).map_err(|error| errors::config(&error))?;
-                gym::Task::drive(Arc::new(run.environment), seat, masked)
+                gym::Task::drive(Arc::new(run.environment), seat, masked, units)
             }
         };
         Ok(Self { inner: Arc::new(inner.map_err(|error| errors::config(&error))?) })
@@ -63,17 +64,16 @@ impl Task {
     fn actions(&self) -> Option<usize> {
         match self.inner.actions() {
             ActionSpace::Discrete(count) => Some(*count),
-            ActionSpace::Continuous { .. } => None,
+            ActionSpace::Continuous(_) => None,
         }
     }
 
-    /// The smallest and the largest action, if actions are continuous.
+    /// The smallest action, the one in the middle and the largest, in SI units, if actions are continuous.
     #[getter]
-    fn action_bounds(&self) -> Option<(Vec<f64>, Vec<f64>)> {
-        match self.inner.actions() {
-            ActionSpace::Discrete(_) => None,
-            ActionSpace::Continuous { low, high } => Some((low.clone(), high.clone())),
-        }
+    fn action_bounds(&self) -> Option<(Vec<f64>, Vec<f64>, Vec<f64>)> {
+        let ActionSpace::Continuous(ranges) = self.inner.actions() else { return None };
+        let each = |number: fn(&Range) -> f64| ranges.iter().map(number).collect();
+        Some((each(|range| range.low), each(|range| range.middle), each(|range| range.high)))
     }
 
     /// Shape of an observation.

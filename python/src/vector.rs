@@ -146,8 +146,8 @@ impl VectorCore {
                 let actions = wholes(actions, self.num_envs)?;
                 arrays.write(py, |outputs| py.detach(|| gym.step(Actions::Discrete(&actions), outputs)))
             }
-            ActionSpace::Continuous { low, .. } => {
-                let actions = reals(actions, &[self.num_envs, low.len()])?;
+            ActionSpace::Continuous(ranges) => {
+                let actions = reals(actions, &[self.num_envs, ranges.len()])?;
                 arrays.write(py, |outputs| py.detach(|| gym.step(Actions::Continuous(&actions), outputs)))
             }
         }

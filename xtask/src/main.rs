@@ -2,6 +2,7 @@
 //!
 //! `check` is what the continuous integration runs; `test` is a part of it; `bench` measures on this machine.
 
+mod python;
 mod wasm;
 
 use std::env;
@@ -14,7 +15,10 @@ use anyhow::{Context as _, bail};
 const HELP: &str = "\
 cargo xtask check          everything, in this order: format, lints, documentation, wasm, tests, extra tools
 cargo xtask wasm           the same bits in WebAssembly: builds for it and compares the golden digests there
-cargo xtask test [ARGS]    all tests; ARGS go to the test runner
+cargo xtask test           all tests, of the Python package, too; it is built into a wheel and tested in target/python
+cargo xtask test ARGS      those of the crates alone; ARGS go to the test runner
+cargo xtask python [--with-sb3] [ARGS]
+                           the Python package alone; ARGS go to pytest; by choice beside Stable-Baselines3 (some gigabytes)
 cargo xtask test --long    all tests in their long form, in the release build
 cargo xtask bench [ARGS]   lanecraft bench in the release build; ARGS go to it
 cargo xtask bench qp [--json] [--dump DIR] | --long [COUNT]
@@ -40,7 +44,12 @@ fn run(arguments: &[String]) -> anyhow::Result<()> {
             let arguments = ["test", "--locked", "--release", "--workspace"];
             execute(command("cargo", &arguments).env("LANECRAFT_LONG", "1"), "LANECRAFT_LONG=1 ")
         }
+        Some("test") if rest.is_empty() || rest == ["--with-sb3"] => {
+            test(&[])?;
+            python::python(&rest)
+        }
         Some("test") => test(&rest),
+        Some("python") => python::python(&rest),
         Some("bench") if rest.first() == Some(&"qp") => {
             let release = ["run", "--locked", "--release", "--package", "lanecraft-bench-qp", "--"];
             cargo(&[&release, &rest[1..]].concat())
@@ -64,6 +73,7 @@ fn check() -> anyhow::Result<()> {
     execute(command("cargo", &doc).env("RUSTDOCFLAGS", "-D warnings"), "RUSTDOCFLAGS='-D warnings' ")?;
     wasm::wasm()?;
     test(&[])?;
+    python::python(&[])?;
     extra("typos", command("typos", &[]))?;
     // The list of known weaknesses would have to be fetched, so it is left out here.
     extra("cargo-deny", command("cargo", &["deny", "check", "licenses", "bans", "sources"]))
@@ -93,13 +103,17 @@ fn cargo(arguments: &[&str]) -> anyhow::Result<()> {
     execute(&mut command("cargo", arguments), "")
 }
 
+/// The root of the workspace.
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask is a folder of the workspace")
+}
+
 /// A command that runs in the root of the workspace and gets no input.
 fn command(program: &str, arguments: &[&str]) -> Command {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask is a folder of the workspace");
     let program =
         if program == "cargo" { env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()) } else { program.to_owned() };
     let mut command = Command::new(program);
-    command.args(arguments).current_dir(root).stdin(Stdio::null());
+    command.args(arguments).current_dir(root()).stdin(Stdio::null());
     command
 }
 

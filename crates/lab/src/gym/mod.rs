@@ -13,7 +13,7 @@ use lanecraft_net::random::Stream;
 
 pub use metrics::{Metric, MetricKind};
 pub use single::{Actions, Command, Gym, GymError};
-pub use task::{ActionSpace, MaskedActions, ObservationSpace, Seat, Task, TaskError};
+pub use task::{ActionSpace, MaskedActions, ObservationSpace, Range, Seat, Task, TaskError, Units};
 pub use vector::{Autoreset, Outputs, VectorGym};
 
 /// The seed of the episode with this number after a reset with `seed`: that one itself first, then such as fit the 53 bits that every

@@ -11,7 +11,7 @@ use lanecraft_drive::snapshot::{Snapshot, SnapshotError};
 use lanecraft_drive::vehicle::ControlInput;
 
 use super::metrics;
-use super::task::{ActionSpace, MaskedActions, Seat, Simulation, Task};
+use super::task::{ActionSpace, MaskedActions, Seat, Simulation, Task, Units};
 use crate::render::View;
 
 /// Why an environment cannot go on.
@@ -107,7 +107,7 @@ impl Actions<'_> {
         };
         let (needed, fits) = match space {
             ActionSpace::Discrete(_) => ("whole numbers", matches!(self, Self::Discrete(_))),
-            ActionSpace::Continuous { .. } => ("real numbers", matches!(self, Self::Continuous(_))),
+            ActionSpace::Continuous(_) => ("real numbers", matches!(self, Self::Continuous(_))),
         };
         let expected = width * environments;
         if fits && found == expected {
@@ -315,18 +315,23 @@ impl Gym {
         Ok(instead.find(|action| mask.allows(*action)).unwrap_or(wanted))
     }
 
-    /// The numbers of an action. Bounds in single precision may lie beyond those in double precision by a rounding error, which is
-    /// forgiven.
+    /// The numbers of an action, in SI units. Bounds in single precision may lie beyond those in double precision by a rounding error,
+    /// which is forgiven.
     fn within<const N: usize>(&self, numbers: &[f64]) -> Result<[f64; N], GymError> {
-        let ActionSpace::Continuous { low, high } = self.task.actions() else { return Ok([f64::NAN; N]) };
+        let ActionSpace::Continuous(ranges) = self.task.actions() else { return Ok([f64::NAN; N]) };
         let mut within = [0.0; N];
         for index in 0..N {
-            let (value, low, high) = (numbers[index], low[index], high[index]);
+            let (value, range) = (numbers[index], ranges[index]);
+            let (low, high) = match self.task.units {
+                Units::Normalized => (-1.0, 1.0),
+                Units::Si => (range.low, range.high),
+            };
             let slack = f64::from(f32::EPSILON) * low.abs().max(high.abs());
             if !(low - slack..=high + slack).contains(&value) {
                 return Err(GymError::OutOfBounds { index, value, low, high });
             }
-            within[index] = value.clamp(low, high);
+            let value = value.clamp(low, high);
+            within[index] = if self.task.units == Units::Normalized { range.at(value) } else { value };
         }
         Ok(within)
     }

@@ -39,18 +39,27 @@ impl MaskedActions {
     pub const NAMES: [(&'static str, Self); 2] = [("replace", Self::Replace), ("raise", Self::Refuse)];
 }
 
+/// In what numbers of a continuous action are given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Units {
+    /// From −1 to 1, as learners want them: 0 is the middle of a range, and of a command that nothing is asked for.
+    Normalized,
+    /// Meters, seconds, radians.
+    Si,
+}
+
+impl Units {
+    /// Both with their names.
+    pub const NAMES: [(&'static str, Self); 2] = [("normalized", Self::Normalized), ("si", Self::Si)];
+}
+
 /// Actions that may be taken.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ActionSpace {
     /// Whole numbers from 0, fewer than this.
     Discrete(usize),
     /// Vectors within these bounds.
-    Continuous {
-        /// The smallest of each.
-        low: Vec<f64>,
-        /// The largest of each.
-        high: Vec<f64>,
-    },
+    Continuous(Vec<Range>),
 }
 
 impl ActionSpace {
@@ -58,8 +67,27 @@ impl ActionSpace {
     pub fn width(&self) -> usize {
         match self {
             Self::Discrete(_) => 1,
-            Self::Continuous { low, .. } => low.len(),
+            Self::Continuous(ranges) => ranges.len(),
         }
+    }
+}
+
+/// Values of one number of an action, in SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Range {
+    /// The smallest.
+    pub low: f64,
+    /// What a normalized 0 stands for.
+    pub middle: f64,
+    /// The largest.
+    pub high: f64,
+}
+
+impl Range {
+    /// The value of a number from −1 to 1.
+    pub(super) fn at(&self, share: f64) -> f64 {
+        let side = if share < 0.0 { self.middle - self.low } else { self.high - self.middle };
+        self.middle + share * side
     }
 }
 
@@ -107,6 +135,7 @@ pub(super) enum Simulation {
 pub struct Task {
     pub(super) simulation: Simulation,
     pub(super) masked: MaskedActions,
+    pub(super) units: Units,
     actions: ActionSpace,
     action_names: Vec<String>,
     observations: ObservationSpace,
@@ -117,14 +146,14 @@ impl Task {
     ///
     /// # Errors
     /// If the configuration is not valid, or no scene can be built from it.
-    pub fn drive(config: Arc<Config>, seat: Seat, masked: MaskedActions) -> Result<Self, TaskError> {
+    pub fn drive(config: Arc<Config>, seat: Seat, masked: MaskedActions, units: Units) -> Result<Self, TaskError> {
         let env = Env::new(&config, 0)?;
         let (low, high) = config.observation.bounds();
         let observations = ObservationSpace { shape: config.observation.shape(), low, high };
         let actions = action_space(&env, seat);
         let named = if let ActionSpace::Discrete(count) = actions { count } else { 0 };
         let action_names = (0..named).map(|action| env.actions().name(action)).collect();
-        Ok(Self { simulation: Simulation::Drive(config, seat), masked, actions, action_names, observations })
+        Ok(Self { simulation: Simulation::Drive(config, seat), masked, units, actions, action_names, observations })
     }
 
     /// The fast environment.
@@ -138,7 +167,8 @@ impl Task {
         let observations = ObservationSpace { shape: vec![seen.observed_vehicles, seen.features.len()], low, high };
         let actions = ActionSpace::Discrete(MetaAction::ALL.len());
         let action_names = MetaAction::ALL.map(|action| action.name().to_owned()).into();
-        Ok(Self { simulation: Simulation::Kinematic(config), masked, actions, action_names, observations })
+        let units = Units::Normalized;
+        Ok(Self { simulation: Simulation::Kinematic(config), masked, units, actions, action_names, observations })
     }
 
     /// The actions.
@@ -150,7 +180,7 @@ impl Task {
     pub fn mask_width(&self) -> usize {
         match self.actions {
             ActionSpace::Discrete(actions) => actions,
-            ActionSpace::Continuous { .. } => 0,
+            ActionSpace::Continuous(_) => 0,
         }
     }
 
@@ -197,13 +227,15 @@ fn action_space(env: &Env, seat: Seat) -> ActionSpace {
         Seat::Decide => ActionSpace::Discrete(env.actions().len() + 2),
         Seat::Plan => {
             let bounds = env.driver().path_bounds();
-            let [low, high] = [bounds.low, bounds.high].map(|path| vec![path.end_d_m, path.duration_s, path.speed_mps]);
-            ActionSpace::Continuous { low, high }
+            let [low, high] = [bounds.low, bounds.high].map(|path| [path.end_d_m, path.duration_s, path.speed_mps]);
+            let range = |(low, high): (f64, f64)| Range { low, middle: 0.5 * (low + high), high };
+            ActionSpace::Continuous(low.into_iter().zip(high).map(range).collect())
         }
         Seat::Control => {
             let (low, high) = env.control_bounds();
-            let [low, high] = [low, high].map(|input| vec![input.accel_mps2, input.steer_rad]);
-            ActionSpace::Continuous { low, high }
+            let [low, high] = [low, high].map(|input| [input.accel_mps2, input.steer_rad]);
+            let range = |(low, high): (f64, f64)| Range { low, middle: 0.0, high };
+            ActionSpace::Continuous(low.into_iter().zip(high).map(range).collect())
         }
     }
 }
