@@ -4,6 +4,9 @@ from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
+from typing_extensions import disjoint_base
+
+__all__ = ["EnvCore", "Task", "VectorCore", "__version__", "scenarios"]
 
 __version__: str
 
@@ -45,6 +48,7 @@ class Task:
     def step_s(self) -> float:
         """Simulated time from one step to the next, s."""
 
+@disjoint_base
 class EnvCore:
     """An environment; the base of :class:`lanecraft.Env`."""
 

@@ -30,15 +30,15 @@ def make_task(
 
 
 def action_space(task: Task, units: str) -> spaces.Discrete | spaces.Box:
-    if task.actions is not None:
-        return spaces.Discrete(task.actions)
+    if task.action_bounds is None:
+        return spaces.Discrete(task.actions or 0)
     low, _, high = (np.array(bound, dtype=np.float32) for bound in task.action_bounds)
     if units == "normalized":
         return spaces.Box(-1.0, 1.0, low.shape, dtype=np.float32)
     return spaces.Box(low, high, dtype=np.float32)
 
 
-def observation_space(task: Task) -> spaces.Box:
+def observation_space(task: Task) -> Any:
     low, high = (np.array(bound, dtype=np.float32).reshape(task.observation_shape) for bound in task.observation_bounds)
     return spaces.Box(low, high, dtype=np.float32)
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from os import PathLike
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -37,7 +37,7 @@ class Env(EnvCore, gymnasium.Env[Observation, Any]):
         ConfigError: a name, key or value that does not exist or is out of range.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array", "ansi"], "render_fps": 2}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array", "ansi"], "render_fps": 2}
 
     def __init__(
         self,
@@ -104,7 +104,7 @@ class Env(EnvCore, gymnasium.Env[Observation, Any]):
         self._close()
 
 
-def _remade(kind: type[Env], arguments: dict[str, Any], series: Any, snapshot: bytes | None, seeded: bool) -> Env:
+def _remade(kind: Callable[..., Env], arguments: dict[str, Any], series: Any, snapshot: bytes | None, seeded: bool) -> Env:
     env = kind(**arguments)
     env._seeded = seeded
     if snapshot is not None:
