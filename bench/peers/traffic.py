@@ -24,21 +24,13 @@ import sys
 import tempfile
 import time
 
+from timing import answer, rate
+
 SIZES = [50, 200, 1000]
 STEP_S = 1 / 15
 # Vehicles per kilometer and lane of our default preset.
 DENSITY = 14
 PEERS = ["highway-env", "highjax", "lc2013", "sl2015"]
-
-
-def rate(step, updates, seconds):
-    """Updates per second of this process's time on a processor."""
-    step()
-    begun, computed, count = time.perf_counter(), time.process_time(), 0
-    while time.perf_counter() - begun < seconds:
-        step()
-        count += 1
-    return count * updates / (time.process_time() - computed)
 
 
 def highway_env(size, seconds):
@@ -111,14 +103,6 @@ def measure(peer, size, seconds):
         "sl2015": lambda: sumo(size, seconds, "SL2015"),
     }[peer]()
     print(json.dumps({"rate": found}))
-
-
-def answer(command):
-    environment = os.environ | {"OMP_NUM_THREADS": "1", "JAX_PLATFORMS": "cpu"}
-    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    if done.returncode:
-        raise SystemExit(f"{' '.join(command)} failed:\n{done.stderr[-2000:]}")
-    return [json.loads(line) for line in done.stdout.splitlines() if line.startswith("{")]
 
 
 def ours(program):
