@@ -43,11 +43,16 @@ def observation_space(task: Task) -> Any:
     return spaces.Box(low, high, dtype=np.float32)
 
 
-def checked_seed(seed: Any) -> int:
+def checked_whole(name: str, value: Any, least: int, most: int) -> int:
+    """``value`` as a Python integer within these bounds."""
     try:
-        whole = operator.index(seed)
+        whole = operator.index(value)
     except TypeError:
-        raise TypeError(f"a seed is a whole number, not {type(seed).__name__}") from None
-    if not 0 <= whole <= LARGEST_SEED:
-        raise ConfigError(f"a seed is in 0..={LARGEST_SEED}, not {whole}")
+        raise TypeError(f"{name} is a whole number, not {type(value).__name__}") from None
+    if not least <= whole <= most:
+        raise ConfigError(f"{name} is {whole}, but must be in {least}..={most}")
     return whole
+
+
+def checked_seed(seed: Any) -> int:
+    return checked_whole("a seed", seed, 0, LARGEST_SEED)

@@ -8,13 +8,11 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
 use crate::env::reals;
-use crate::errors::{self, ActionError, ClosedEnvironmentError, ConfigError, ResetNeeded};
+use crate::errors::{self, ActionError, ClosedEnvironmentError, ResetNeeded};
 use crate::task::{Task, named};
 
 const AUTORESETS: [(&str, Autoreset); 3] =
     [("NextStep", Autoreset::NextStep), ("SameStep", Autoreset::SameStep), ("Disabled", Autoreset::Disabled)];
-/// More environments than this are a mistake.
-const MOST_ENVIRONMENTS: usize = 1 << 16;
 
 /// The engine of `lanecraft.VectorEnv`. All arrays are its own and are written anew by every step.
 #[pyclass(module = "lanecraft._lanecraft")]
@@ -44,14 +42,6 @@ struct Arrays {
 impl VectorCore {
     #[new]
     fn new(py: Python<'_>, task: &Task, num_envs: usize, autoreset: &str, threads: usize) -> PyResult<Self> {
-        if !(1..=MOST_ENVIRONMENTS).contains(&num_envs) {
-            return Err(ConfigError::new_err(format!(
-                "num_envs is {num_envs}, but must be in 1..={MOST_ENVIRONMENTS}"
-            )));
-        }
-        if threads > 1024 {
-            return Err(ConfigError::new_err(format!("threads is {threads}, but must be in 0..=1024")));
-        }
         let task = Arc::clone(&task.inner);
         let (size, metrics) = (task.observations().size(), task.metrics().len());
         let autoreset = named("autoreset_mode", autoreset, &AUTORESETS)?;

@@ -87,7 +87,7 @@ impl Range {
     /// The value of a number from −1 to 1.
     pub(super) fn at(&self, share: f64) -> f64 {
         let side = if share < 0.0 { self.middle - self.low } else { self.high - self.middle };
-        self.middle + share * side
+        (self.middle + share * side).clamp(self.low, self.high)
     }
 }
 
