@@ -222,6 +222,14 @@ impl RunConfig {
         Self::validated(&overlay)
     }
 
+    /// The complete configuration in `file`, laid over by `values`.
+    pub fn resolve_table_over(file: &Path, values: &Table) -> Result<Self, ConfigFileError> {
+        let mut overlay = Overlay::new("default", Preset::Default.table(), |table| Self::from_table(table).map(drop));
+        overlay.file(file)?;
+        overlay.values(values)?;
+        Self::validated(&overlay)
+    }
+
     /// The configuration of a text written by [`Self::to_toml`]; `path` is where the text came from.
     pub fn from_toml(path: &Path, text: &str) -> Result<Self, ConfigFileError> {
         let mut overlay = Overlay::new("default", Preset::Default.table(), |table| Self::from_table(table).map(drop));

@@ -5,13 +5,12 @@ use std::sync::Arc;
 
 use lanecraft_drive::control::GuardCause;
 use lanecraft_drive::env::{Config, Env, EnvError, Episode, StepError, Trace};
-use lanecraft_learn::ActError;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{EvaluationConfig, SeedRole};
 use crate::metrics::{Interval, PolicyResult};
-use crate::policy::{Pilot, Policy};
+use crate::policy::{DecideError, Pilot, Policy};
 use crate::progress::Progress;
 use crate::stats::{StatsError, mean_interval, paired_difference, rate_interval};
 
@@ -28,7 +27,7 @@ pub enum EvaluateError {
         /// The policy.
         policy: String,
         /// Why.
-        source: ActError,
+        source: DecideError,
     },
     /// A policy chose an action that is not allowed.
     #[error("policy `{policy}`: {source}")]
@@ -219,7 +218,8 @@ pub fn evaluation_environment(config: &Config, evaluation: &EvaluationConfig) ->
 }
 
 /// Drives `policy` through the scenarios of `role`, in parallel on the current thread pool; the result does not depend on it.
-/// Each episode is a step of progress.
+/// A caller's own policy may remember what it saw: it drives one scenario after the other on the caller's thread. Each episode is a step
+/// of progress.
 pub fn evaluate(
     policy: &Policy,
     config: &Config,
@@ -234,7 +234,10 @@ pub fn evaluate(
         progress.advance(1);
         Ok(EpisodeResult::new(policy.name(), seed, env.episode(), config.env.control_period_s))
     };
-    let episodes: Result<Vec<_>, EvaluateError> = (0..evaluation.episodes).into_par_iter().map(episode).collect();
+    let episodes: Result<Vec<_>, EvaluateError> = match policy {
+        Policy::Own(_) => (0..evaluation.episodes).map(episode).collect(),
+        _ => (0..evaluation.episodes).into_par_iter().map(episode).collect(),
+    };
     Ok(PolicyEpisodes { policy: policy.name(), episodes: episodes? })
 }
 

@@ -1,7 +1,11 @@
-//! Who sits in the seat that decides: a rule or a learned network.
+//! Who sits in the seat that decides: a rule, a learned network, or a caller's own policy.
 
+use std::error::Error;
+use std::fmt;
 use std::path::Path;
+use std::sync::Arc;
 
+use lanecraft_drive::decide::ActionMask;
 use lanecraft_drive::env::Env;
 use lanecraft_learn::{ActError, Actor};
 
@@ -19,6 +23,54 @@ pub enum Policy {
         /// The network.
         network: lanecraft_learn::Policy,
     },
+    /// A caller's own.
+    Own(OwnPolicy),
+}
+
+/// Why a caller's own policy cannot decide.
+pub type OwnError = Box<dyn Error + Send + Sync>;
+
+/// A caller's own policy: an action for each environment in which a decision is due.
+///
+/// ```
+/// use lanecraft_lab::policy::{OwnPolicy, Policy};
+///
+/// let lowest = |env: &lanecraft_drive::env::Env| Ok(env.mask().0.trailing_zeros() as usize);
+/// assert_eq!(Policy::Own(OwnPolicy::new("lowest", lowest)).name(), "lowest");
+/// ```
+#[derive(Clone)]
+pub struct OwnPolicy {
+    name: String,
+    decide: Arc<Decide>,
+}
+
+type Decide = dyn Fn(&Env) -> Result<usize, OwnError> + Send + Sync;
+
+impl OwnPolicy {
+    /// The policy that `decide` is, with the name that results are printed under.
+    pub fn new(
+        name: impl Into<String>,
+        decide: impl Fn(&Env) -> Result<usize, OwnError> + Send + Sync + 'static,
+    ) -> Self {
+        Self { name: name.into(), decide: Arc::new(decide) }
+    }
+}
+
+impl fmt::Debug for OwnPolicy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("OwnPolicy").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+/// Why a policy cannot decide.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+#[non_exhaustive]
+pub enum DecideError {
+    /// A network.
+    Network(#[from] ActError),
+    /// A caller's own policy.
+    Own(OwnError),
 }
 
 impl Policy {
@@ -26,7 +78,7 @@ impl Policy {
     pub fn name(&self) -> String {
         match self {
             Self::Rule(rule) => format!("rule:{}", rule.name()),
-            Self::Learned { name, .. } => name.clone(),
+            Self::Learned { name, .. } | Self::Own(OwnPolicy { name, .. }) => name.clone(),
         }
     }
 }
@@ -34,6 +86,17 @@ impl Policy {
 /// The name of a run: its folder's.
 pub fn run_name(run: &Path) -> String {
     run.file_name().map_or_else(|| run.display().to_string(), |name| name.to_string_lossy().into_owned())
+}
+
+/// What a network does with an observation and the mask that belongs to it: it goes on with a lane change under way, and votes where a
+/// decision is due, as a [`Pilot`] does.
+pub fn vote(actor: &mut Actor, observation: &[f32], mask: ActionMask) -> Result<usize, ActError> {
+    // Stands behind the actions that a network chooses among, and is allowed only where no decision is due.
+    let continue_action = actor.policy().actions();
+    if mask.allows(continue_action) {
+        return Ok(continue_action);
+    }
+    Ok(actor.greedy(observation, mask.0)?.action)
 }
 
 /// A policy at the wheel of one environment at a time, with the memory it needs.
@@ -47,6 +110,7 @@ pub struct Pilot {
 enum Seat {
     Rule(Rule),
     Learned(Box<Actor>),
+    Own(OwnPolicy),
 }
 
 impl Pilot {
@@ -55,12 +119,13 @@ impl Pilot {
         let seat = match policy {
             Policy::Rule(rule) => Seat::Rule(*rule),
             Policy::Learned { network, .. } => Seat::Learned(Box::new(Actor::new(network.clone()))),
+            Policy::Own(own) => Seat::Own(own.clone()),
         };
         Self { seat, observation: Vec::new() }
     }
 
     /// The action of the coming tick: *continue* during a lane change, else the policy's choice (the vote, if it is a network).
-    pub fn act(&mut self, env: &Env, scenario_seed: u64) -> Result<usize, ActError> {
+    pub fn act(&mut self, env: &Env, scenario_seed: u64) -> Result<usize, DecideError> {
         if !env.decision_due() {
             return Ok(env.actions().continue_action());
         }
@@ -69,8 +134,9 @@ impl Pilot {
             Seat::Learned(actor) => {
                 self.observation.resize(env.config().observation.size(), 0.0);
                 env.observe(&mut self.observation);
-                Ok(actor.greedy(&self.observation, env.mask().0)?.action)
+                Ok(vote(actor, &self.observation, env.mask())?)
             }
+            Seat::Own(own) => (own.decide)(env).map_err(DecideError::Own),
         }
     }
 }

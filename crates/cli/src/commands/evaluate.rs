@@ -1,15 +1,14 @@
 //! `lanecraft evaluate`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::bail;
 use clap::Args;
 use lanecraft_lab::baselines::{Rule, UnknownRule};
-use lanecraft_lab::config::{EnvironmentConfig as Config, RunConfig, SeedRole, nearest};
+use lanecraft_lab::config::{EnvironmentConfig as Config, SeedRole, nearest};
 use lanecraft_lab::evaluate::evaluate;
+use lanecraft_lab::pairing::{Entrant, environments};
 use lanecraft_lab::policy::Policy as Driver;
-use lanecraft_lab::run_dir::{CONFIG, RunDir};
-use lanecraft_lab::runs;
+use lanecraft_lab::runs::RunError;
 
 use crate::args::{ConfigArgs, ScenarioArg, ThreadsArg, flag, folder};
 use crate::output::{Output, answer};
@@ -66,25 +65,22 @@ pub(crate) fn policy(text: &str) -> Result<Policy, String> {
     })
 }
 
-/// Whether the same seeds give the same scenarios in both: a scenario file stands for road and traffic.
-fn same_scenarios(a: &Config, b: &Config) -> bool {
-    a.env.scenario == b.env.scenario && (!a.env.scenario.is_empty() || (&a.road, &a.traffic) == (&b.road, &b.traffic))
-}
-
 impl Evaluate {
     pub(crate) fn run(self, output: Output) -> anyhow::Result<()> {
         let scenario = self.scenario.flag()?;
         let flags = flag("evaluation.episodes", self.episodes).into_iter().chain(scenario.clone());
         let config = self.config.resolve(flags.collect())?;
-        let drivers = self.drivers(&config, scenario.as_ref())?;
+        let drivers = self.policies.iter().map(Policy::entrant).collect::<Result<Vec<_>, _>>()?;
+        let of_run = |path: &Path| self.config.resolve_over(path, scenario.iter().cloned().collect());
+        let environments = environments(&drivers, &config.environment, of_run)?;
         let steps = drivers.len() * config.evaluation.episodes;
         let episodes = self.threads.run(|| {
             output.with_progress(|progress| {
                 progress.stage("evaluate", steps as u64, |progress| {
-                    let drive = |(policy, environment): &(Driver, Config)| {
-                        evaluate(policy, environment, &config.evaluation, SeedRole::Test, progress)
+                    let drive = |(driver, environment): (&Entrant, &Config)| {
+                        evaluate(&driver.policy, environment, &config.evaluation, SeedRole::Test, progress)
                     };
-                    drivers.iter().map(drive).collect::<Result<Vec<_>, _>>()
+                    drivers.iter().zip(&environments).map(drive).collect::<Result<Vec<_>, _>>()
                 })
             })
         })??;
@@ -93,33 +89,13 @@ impl Evaluate {
         }
         print_results(&episodes)
     }
+}
 
-    /// Each policy with its environment: a run's own with what the command line sets over it, and for a rule that of the first run,
-    /// or of the command line without any.
-    fn drivers(&self, config: &RunConfig, scenario: Option<&String>) -> anyhow::Result<Vec<(Driver, Config)>> {
-        let mut first: Option<(&PathBuf, Config)> = None;
-        let mut drivers = Vec::new();
-        for policy in &self.policies {
-            let Policy::Run(path) = policy else { continue };
-            RunDir::open(path)?;
-            let flags = scenario.into_iter().cloned().collect();
-            let environment = self.config.resolve_over(&path.join(CONFIG), flags)?.environment;
-            let (other, expected) = first.get_or_insert_with(|| (path, environment.clone()));
-            if !same_scenarios(&environment, expected) {
-                bail!(
-                    "{} and {} were trained on other roads or in other traffic, so their scenarios cannot be paired",
-                    other.display(),
-                    path.display()
-                );
-            }
-            drivers.push((runs::read_policy(path)?, environment));
+impl Policy {
+    fn entrant(&self) -> Result<Entrant, RunError> {
+        match self {
+            Self::Rule(rule) => Ok(Driver::Rule(*rule).into()),
+            Self::Run(path) => Entrant::of_run(path),
         }
-        let environment = first.map_or_else(|| config.environment.clone(), |(_, environment)| environment);
-        let mut runs = drivers.into_iter();
-        let seat = |policy: &Policy| match policy {
-            Policy::Rule(rule) => Some((Driver::Rule(*rule), environment.clone())),
-            Policy::Run(_) => runs.next(),
-        };
-        Ok(self.policies.iter().filter_map(seat).collect())
     }
 }

@@ -45,14 +45,21 @@ pub struct Env {
     pub(super) over: bool,
 }
 
+impl Config {
+    /// The scenario that the scenario file, or else the distribution, gives for `seed`.
+    pub fn scenario(&self, seed: u64) -> Result<Scenario, EnvError> {
+        if let Some(file) = self.env.scenario_file()? {
+            return Ok(file.scenario(seed)?);
+        }
+        let distribution = ScenarioDistribution { road: self.road.clone(), traffic: self.traffic.clone() };
+        Ok(distribution.sample(seed)?)
+    }
+}
+
 impl Env {
     /// The environment of `config` in the scenario that its scenario file, or else its distribution, gives for `seed`.
     pub fn new(config: &Arc<Config>, seed: u64) -> Result<Self, EnvError> {
-        if let Some(file) = config.env.scenario_file()? {
-            return Self::in_scenario(config, &file.scenario(seed)?);
-        }
-        let distribution = ScenarioDistribution { road: config.road.clone(), traffic: config.traffic.clone() };
-        Self::in_scenario(config, &distribution.sample(seed)?)
+        Self::in_scenario(config, &config.scenario(seed)?)
     }
 
     /// The environment of `config` in a given scenario, whose road and traffic stand for those of `config`.

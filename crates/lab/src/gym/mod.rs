@@ -12,7 +12,7 @@ mod vector;
 use lanecraft_net::random::Stream;
 
 pub use metrics::{Metric, MetricKind};
-pub use single::{Actions, Command, Gym, GymError};
+pub use single::{Actions, Command, Gym, GymError, legal_action};
 pub use task::{ActionSpace, MaskedActions, ObservationSpace, Range, Seat, Task, TaskError, Units};
 pub use vector::{Autoreset, Outputs, VectorGym};
 

@@ -286,6 +286,14 @@ impl Gym {
         Ok(Self { task: Arc::clone(task), simulator, action: 0 })
     }
 
+    /// The whole loop, if that is what is simulated.
+    pub fn drive_env(&self) -> Option<&Env> {
+        match &self.simulator {
+            Simulator::Drive { env, .. } => Some(env),
+            Simulator::Kinematic(_) => None,
+        }
+    }
+
     fn allowed(&self) -> ActionMask {
         match &self.simulator {
             Simulator::Drive { env, .. } => env.mask(),
@@ -295,24 +303,13 @@ impl Gym {
 
     /// The action that is taken for `action`.
     fn legal(&self, action: i64) -> Result<usize, GymError> {
-        let (mask, count) = (self.allowed(), self.task.mask_width());
-        let wanted = usize::try_from(action).ok().filter(|action| *action < count);
-        let wanted = wanted.ok_or(GymError::NoSuchAction { action, last: count - 1 })?;
-        if mask.allows(wanted) {
-            return Ok(wanted);
-        }
-        if self.task.masked == MaskedActions::Refuse {
-            let allowed = (0..count).filter(|action| mask.allows(*action)).collect();
-            return Err(GymError::Masked { action: wanted, allowed });
-        }
-        let calm = match &self.simulator {
-            Simulator::Drive { env, .. } => {
-                [Some(env.actions().continue_action()), env.actions().plain(Maneuver::Keep { accel_mps2: 0.0 })]
+        match &self.simulator {
+            Simulator::Drive { env, .. } => legal_action(env, self.task.masked, action),
+            Simulator::Kinematic(env) => {
+                let calm = [Some(MetaAction::Idle as usize), None];
+                legal(self.task.masked, env.mask(), self.task.mask_width(), calm, action)
             }
-            Simulator::Kinematic(_) => [Some(MetaAction::Idle as usize), None],
-        };
-        let mut instead = calm.into_iter().flatten().chain(0..count);
-        Ok(instead.find(|action| mask.allows(*action)).unwrap_or(wanted))
+        }
     }
 
     /// The numbers of an action, in SI units. Bounds in single precision may lie beyond those in double precision by a rounding error,
@@ -335,4 +332,35 @@ impl Gym {
         }
         Ok(within)
     }
+}
+
+/// The action that is taken for `action`, which may be one that the mask forbids, or none at all.
+///
+/// # Errors
+/// If there is no such action, or it is forbidden and nothing is to take its place.
+pub fn legal_action(env: &Env, masked: MaskedActions, action: i64) -> Result<usize, GymError> {
+    let set = env.actions();
+    let calm = [Some(set.continue_action()), set.plain(Maneuver::Keep { accel_mps2: 0.0 })];
+    legal(masked, env.mask(), set.len() + 2, calm, action)
+}
+
+/// The same for any environment of `count` actions, of which those in `calm` are the first to take another's place.
+fn legal(
+    masked: MaskedActions,
+    mask: ActionMask,
+    count: usize,
+    calm: [Option<usize>; 2],
+    action: i64,
+) -> Result<usize, GymError> {
+    let wanted = usize::try_from(action).ok().filter(|action| *action < count);
+    let wanted = wanted.ok_or(GymError::NoSuchAction { action, last: count - 1 })?;
+    if mask.allows(wanted) {
+        return Ok(wanted);
+    }
+    if masked == MaskedActions::Refuse {
+        let allowed = (0..count).filter(|action| mask.allows(*action)).collect();
+        return Err(GymError::Masked { action: wanted, allowed });
+    }
+    let mut instead = calm.into_iter().flatten().chain(0..count);
+    Ok(instead.find(|action| mask.allows(*action)).unwrap_or(wanted))
 }
