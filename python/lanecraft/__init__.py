@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from gymnasium.envs.registration import register as _register
 
+from . import policies, traffic
 from ._lanecraft import __version__, scenarios
 from .env import Env
 from .errors import ActionError, ConfigError, LanecraftError, SnapshotError
+from .results import Results, evaluate
 from .vector import VectorEnv
 from .wrappers import DecisionPoints
 
@@ -19,10 +21,14 @@ __all__ = [
     "DecisionPoints",
     "Env",
     "LanecraftError",
+    "Results",
     "SnapshotError",
     "VectorEnv",
     "__version__",
+    "evaluate",
+    "policies",
     "scenarios",
+    "traffic",
 ]
 
 for _name, _preset in [("Highway-v0", "default"), ("HighwayPaper-v0", "paper"), ("HighwayFast-v0", "fast")]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from ._lanecraft import Task
 from .errors import ConfigError
@@ -24,9 +25,15 @@ def make_task(
     masked_actions: str,
     units: str,
 ) -> Task:
+    return Task(preset, *checked_scene(config, scenario), seat, masked_actions, units)
+
+
+def checked_scene(
+    config: Mapping[str, Any] | None, scenario: str | PathLike[str] | None
+) -> tuple[dict[str, Any], str | None]:
     if config is not None and not isinstance(config, Mapping):
         raise TypeError(f"config is a mapping of keys to values, not {type(config).__name__}")
-    return Task(preset, dict(config or {}), None if scenario is None else fspath(scenario), seat, masked_actions, units)
+    return dict(config or {}), None if scenario is None else fspath(scenario)
 
 
 def action_space(task: Task, units: str) -> spaces.Discrete | spaces.Box:
@@ -56,3 +63,17 @@ def checked_whole(name: str, value: Any, least: int, most: int) -> int:
 
 def checked_seed(seed: Any) -> int:
     return checked_whole("a seed", seed, 0, LARGEST_SEED)
+
+
+def checked_real(name: str, value: Any) -> float:
+    array = checked_reals(name, value)
+    if array.ndim:
+        raise TypeError(f"{name} is one number, not an array of shape {array.shape}")
+    return float(array)
+
+
+def checked_reals(name: str, values: Any) -> NDArray[np.float64]:
+    array = np.asarray(values)
+    if array.dtype.kind not in "fiu":
+        raise TypeError(f"{name} is of real numbers, not of {array.dtype}")
+    return array.astype(np.float64)

@@ -170,7 +170,7 @@ impl EnvCore {
         }
     }
 
-    fn gym(&self) -> PyResult<&Gym> {
+    pub(crate) fn gym(&self) -> PyResult<&Gym> {
         match &self.state {
             State::Running(_, gym) => Ok(gym),
             _ => Err(self.not_running()),
@@ -211,7 +211,7 @@ impl EnvCore {
 }
 
 /// A whole number of Python or NumPy.
-fn whole(action: &Bound<'_, PyAny>) -> PyResult<i64> {
+pub(crate) fn whole(action: &Bound<'_, PyAny>) -> PyResult<i64> {
     action.extract().map_err(|error: PyErr| {
         let py = action.py();
         if error.is_instance_of::<pyo3::exceptions::PyOverflowError>(py) {

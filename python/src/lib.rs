@@ -5,7 +5,10 @@
 
 mod env;
 mod errors;
+mod evaluate;
+mod policy;
 mod task;
+mod traffic;
 mod vector;
 
 use pyo3::prelude::*;
@@ -19,9 +22,23 @@ mod _lanecraft {
     #[expect(non_upper_case_globals, reason = "Python's name for it")]
     const __version__: &str = env!("CARGO_PKG_VERSION");
     #[pymodule_export]
+    use super::evaluate::ResultsCore;
+    #[pymodule_export]
+    use super::evaluate::evaluate;
+    #[pymodule_export]
+    use super::policy::PolicyCore;
+    #[pymodule_export]
     use super::task::Task;
     #[pymodule_export]
     use super::task::scenarios;
+    #[pymodule_export]
+    use super::traffic::WorldCore;
+    #[pymodule_export]
+    use super::traffic::idm;
+    #[pymodule_export]
+    use super::traffic::safe_gap;
+    #[pymodule_export]
+    use super::traffic::safe_speed;
     #[pymodule_export]
     use super::vector::VectorCore;
 }

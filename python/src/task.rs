@@ -33,7 +33,6 @@ impl Task {
         masked_actions: &str,
         units: &str,
     ) -> PyResult<Self> {
-        let mut values = table(config, 0)?;
         let masked = named("value of masked_actions", masked_actions, &MaskedActions::NAMES)?;
         let units = named("value of units", units, &Units::NAMES)?;
         let seat = named("seat", seat, &Seat::NAMES)?;
@@ -43,16 +42,11 @@ impl Task {
                     let text = "the preset `fast` has its own traffic and the seat `decide` alone";
                     return Err(ConfigError::new_err(text));
                 }
-                let config = resolve_kinematic(&values).map_err(|error| errors::config(&error))?;
+                let config = resolve_kinematic(&values(config, None)?).map_err(|error| errors::config(&error))?;
                 gym::Task::kinematic(Arc::new(config), masked)
             }
-            Some(preset) => {
-                if let Some(scenario) = scenario {
-                    let text = lanecraft_lab::scenarios::named(scenario).and_then(LoadedScenario::into_value);
-                    let text = text.map_err(|error| errors::config(&error))?;
-                    values.insert("env.scenario".to_owned(), Value::String(text));
-                }
-                let run = RunConfig::resolve_table(preset, &values).map_err(|error| errors::config(&error))?;
+            Some(_) => {
+                let run = resolved(preset, config, scenario)?;
                 gym::Task::drive(Arc::new(run.environment), seat, masked, units)
             }
         };
@@ -112,6 +106,24 @@ impl Task {
 #[pyfunction]
 pub(crate) fn scenarios() -> Vec<String> {
     lanecraft_lab::scenarios::names()
+}
+
+/// The whole configuration: the preset, with the user's own numbers and scenario laid over it.
+pub(crate) fn resolved(preset: &str, config: &Bound<'_, PyDict>, scenario: Option<&str>) -> PyResult<RunConfig> {
+    let Some(preset) = named("preset", preset, &PRESETS)? else {
+        return Err(ConfigError::new_err("the preset `fast` is for environments alone; take `default` or `paper`"));
+    };
+    RunConfig::resolve_table(preset, &values(config, scenario)?).map_err(|error| errors::config(&error))
+}
+
+/// The user's own numbers and scenario as keys and values.
+pub(crate) fn values(config: &Bound<'_, PyDict>, scenario: Option<&str>) -> PyResult<Table> {
+    let mut values = table(config, 0)?;
+    if let Some(scenario) = scenario {
+        let text = lanecraft_lab::scenarios::named(scenario).and_then(LoadedScenario::into_value);
+        values.insert("env.scenario".to_owned(), Value::String(text.map_err(|error| errors::config(&error))?));
+    }
+    Ok(values)
 }
 
 /// The value of this name, or an exception with all names.
