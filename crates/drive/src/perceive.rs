@@ -70,6 +70,11 @@ pub fn perceive(config: &PerceptionConfig, world: &World, ego: &VehicleState, sc
             blur(neighbor, config, Stream::keyed(world.seed(), "perceive.noise", world.time_step(), id));
         }
     }
+    complete(scene);
+}
+
+/// Makes a scene of what was perceived: adds the ends of lanes and puts all in order.
+pub fn complete(scene: &mut Scene) {
     see_lane_ends(scene);
     scene.neighbors.sort_unstable_by(|a, b| a.ahead_m.total_cmp(&b.ahead_m).then(a.id.cmp(&b.id)));
 }

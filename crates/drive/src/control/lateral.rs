@@ -230,6 +230,11 @@ impl LateralMpc {
         self.answer(scene, rung, change_rad, solve)
     }
 
+    /// The states [d, `V_y`, φ, γ, δ] of the last plan, one at the end of each stage; none if it was not solved for.
+    pub fn planned_states(&self) -> Option<&[[f64; 5]]> {
+        (self.plan_age == 0).then(|| self.solver.states())
+    }
+
     /// The steering is sent this command in place of the one of the last plan.
     pub fn sent(&mut self, steer_rad: f64) {
         self.sent.amend(steer_rad);

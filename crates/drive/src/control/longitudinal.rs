@@ -209,6 +209,11 @@ impl LongitudinalMpc {
         self.answer(speed_mps, accel_mps2, jerk_mps3, rung, summary)
     }
 
+    /// The states [s, V, a] of the last plan, one at the end of each stage, s from here; none if it was not solved for.
+    pub fn planned_states(&self) -> Option<&[[f64; 3]]> {
+        (self.plan.age == 0).then(|| self.solver.states())
+    }
+
     /// The drive train is sent this command in place of the one of the last plan.
     pub fn sent(&mut self, accel_mps2: f64) {
         self.sent.amend(accel_mps2);
