@@ -6,7 +6,29 @@ import numpy as np
 from numpy.typing import NDArray
 from typing_extensions import disjoint_base
 
-__all__ = ["EnvCore", "Task", "VectorCore", "__version__", "scenarios"]
+__all__ = [
+    "EnvCore",
+    "IrlCore",
+    "LateralCore",
+    "LongitudinalCore",
+    "Parts",
+    "PlannerCore",
+    "QpCore",
+    "Task",
+    "VectorCore",
+    "__version__",
+    "qp_infinite_horizon_weight",
+    "qp_zero_order_hold",
+    "quintic_at",
+    "quintic_between",
+    "quintic_maxima",
+    "scenarios",
+]
+
+_Floats = NDArray[np.float64]
+_Integers = NDArray[np.int64]
+_Solve = tuple[bool, int, int, float, float]
+_Coefficients = tuple[float, float, float, float, float, float]
 
 __version__: str
 
@@ -121,3 +143,63 @@ class VectorCore:
         """A digest of the state of every environment."""
     def close(self) -> None:
         """Lets go of all episodes."""
+
+@final
+class IrlCore:
+    def __new__(cls, preset: str, options: dict[str, Any]) -> IrlCore: ...
+    def fit(
+        self, features: _Floats, counts: _Integers, chosen: _Integers
+    ) -> tuple[list[float], list[float], tuple[float, float], float, int, bool]: ...
+
+@final
+class LateralCore:
+    def __new__(cls, parts: Parts) -> LateralCore: ...
+    def plan(
+        self, scene: Any, path: tuple[_Coefficients, float, float], speeds_mps: _Floats, path_ratio: float
+    ) -> tuple[float, _Floats | None, str, _Solve, tuple[float, float, float]]: ...
+    def sent(self, steer_rad: float) -> None: ...
+
+@final
+class LongitudinalCore:
+    def __new__(cls, parts: Parts) -> LongitudinalCore: ...
+    def plan(
+        self, scene: Any, aim: tuple[float, float | None], lanes: tuple[int | None, int | None], speed_ratio: float
+    ) -> tuple[float, float, _Floats, _Floats | None, str, _Solve]: ...
+    def sent(self, accel_mps2: float) -> None: ...
+
+@final
+class Parts:
+    def __new__(cls, preset: str, config: dict[str, Any]) -> Parts: ...
+    @property
+    def config_toml(self) -> str: ...
+    @property
+    def lane_width_m(self) -> float: ...
+    @property
+    def plain_weights(self) -> tuple[float, float]: ...
+
+@final
+class PlannerCore:
+    def __new__(cls, parts: Parts) -> PlannerCore: ...
+    def plan(
+        self, scene: Any, side: str
+    ) -> tuple[tuple[tuple[int, int, float, float], tuple[_Floats, _Floats, _Floats, int]] | None, tuple[str, str] | None]: ...
+    def path_to(self, scene: Any, end_m: float, duration_s: float) -> tuple[_Coefficients, float] | None: ...
+
+def quintic_at(
+    coefficients: _Coefficients, duration_s: float, times_s: _Floats
+) -> tuple[_Floats, _Floats, _Floats, _Floats]: ...
+def quintic_between(start: tuple[float, float, float], end_m: float, duration_s: float) -> _Coefficients: ...
+def quintic_maxima(coefficients: _Coefficients, duration_s: float) -> tuple[float, float, float]: ...
+
+@final
+class QpCore:
+    def __new__(cls, horizon: int, states: int, rows: int) -> QpCore: ...
+    def solve(
+        self, problem: Any, shift: int | None, steps: int | None
+    ) -> tuple[
+        _Floats, _Floats, str, tuple[int, float, float], list[tuple[int, int | None, bool, float, float]], _Floats
+    ]: ...
+    def reset(self) -> None: ...
+
+def qp_infinite_horizon_weight(a: _Floats, b: _Floats, state_weight: _Floats, input_weight: float) -> _Floats | None: ...
+def qp_zero_order_hold(a: _Floats, b: _Floats, dt_s: float) -> tuple[_Floats, _Floats]: ...

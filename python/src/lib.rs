@@ -6,7 +6,12 @@
 mod env;
 mod errors;
 mod evaluate;
+mod irl;
+mod mpc;
+mod parts;
+mod plan;
 mod policy;
+mod qp;
 mod task;
 mod traffic;
 mod vector;
@@ -41,4 +46,15 @@ mod _lanecraft {
     use super::traffic::safe_speed;
     #[pymodule_export]
     use super::vector::VectorCore;
+
+    #[pymodule_export]
+    use super::irl::IrlCore;
+    #[pymodule_export]
+    use super::mpc::{LateralCore, LongitudinalCore};
+    #[pymodule_export]
+    use super::parts::Parts;
+    #[pymodule_export]
+    use super::plan::{PlannerCore, quintic_at, quintic_between, quintic_maxima};
+    #[pymodule_export]
+    use super::qp::{QpCore, qp_infinite_horizon_weight, qp_zero_order_hold};
 }

@@ -138,7 +138,7 @@ pub(crate) fn named<T: Copy>(what: &str, name: &str, names: &[(&str, T)]) -> PyR
 const DEEPEST: usize = 16;
 
 /// A dictionary as a table; keys may be dotted or nested.
-fn table(dict: &Bound<'_, PyDict>, depth: usize) -> PyResult<Table> {
+pub(crate) fn table(dict: &Bound<'_, PyDict>, depth: usize) -> PyResult<Table> {
     dict.iter().map(|(key, value)| Ok((key.extract::<String>()?, to_toml(&value, depth + 1)?))).collect()
 }
 
