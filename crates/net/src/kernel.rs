@@ -56,7 +56,7 @@ impl Kernel {
         Self::with_arch(max_depth, Arch::new())
     }
 
-    fn with_arch(max_depth: usize, arch: Arch) -> Self {
+    pub(crate) fn with_arch(max_depth: usize, arch: Arch) -> Self {
         Self { arch, panel: vec![0.0; max_depth * MAX_PANEL_COLUMNS] }
     }
 

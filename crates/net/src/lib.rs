@@ -14,13 +14,16 @@
 //! # Ok::<(), lanecraft_net::ShapeError>(())
 //! ```
 
+mod activation;
 mod adam;
 mod ensemble;
 mod kernel;
+mod lstm;
 pub mod random;
 mod shape;
 pub mod tensors;
 
 pub use adam::Adam;
 pub use ensemble::{Ensemble, Workspace};
+pub use lstm::{Lstm, LstmShape, LstmWorkspace};
 pub use shape::{NetShape, ShapeError, TensorSlot};

@@ -45,11 +45,11 @@ pub enum ShapeError {
 }
 
 /// The largest width of a layer.
-const MAX_WIDTH: usize = 65_536;
+pub(crate) const MAX_WIDTH: usize = 65_536;
 /// A mask of heads has 32 bits.
 const MAX_HEADS: usize = 32;
 
-fn check(what: &'static str, found: usize, max: usize) -> Result<(), ShapeError> {
+pub(crate) fn check(what: &'static str, found: usize, max: usize) -> Result<(), ShapeError> {
     if (1..=max).contains(&found) { Ok(()) } else { Err(ShapeError::Width { what, found, max }) }
 }
 
