@@ -58,6 +58,14 @@ pub enum ConfigError {
         /// What is allowed, in words.
         allowed: &'static str,
     },
+    /// A file that nobody has loaded.
+    #[error("`{key}` is {name:?}, but that file has not been loaded")]
+    NotLoaded {
+        /// Dotted key.
+        key: &'static str,
+        /// The file.
+        name: String,
+    },
     /// A text that is no scenario.
     #[error("`{key}` is no scenario: {message}")]
     BadScenario {
@@ -76,6 +84,7 @@ impl ConfigError {
             | Self::NotAMultiple { key, .. }
             | Self::WrongLength { key, .. }
             | Self::BadScenario { key, .. }
+            | Self::NotLoaded { key, .. }
             | Self::Reversed { low_key: key, .. } => key,
             Self::NoWayOut { .. } => "road.lanes_open",
         }

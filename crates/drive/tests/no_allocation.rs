@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use lanecraft_drive::decide::Maneuver;
 use lanecraft_drive::env::{Config, Env};
+use lanecraft_drive::predict::Predictor;
 
 thread_local! {
     static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
@@ -35,7 +36,14 @@ static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn driving_does_not_allocate() {
+    for predictor in Predictor::ALL {
+        drive(predictor);
+    }
+}
+
+fn drive(predictor: Predictor) {
     let mut config = Config::default();
+    config.prediction.predictor = predictor;
     (config.vehicle.steer_delay_s, config.vehicle.drive_delay_s) = (0.12, 0.2);
     (config.control.observer, config.plant.combined_grip) = (true, true);
     (config.plant.wind_mps, config.perception.position_noise_m) = (8.0, 0.1);
@@ -48,5 +56,5 @@ fn driving_does_not_allocate() {
     for _ in 0..40 {
         let _ = env.step(keep).expect("allowed");
     }
-    assert_eq!(ALLOCATIONS.with(Cell::get) - before, 0);
+    assert_eq!(ALLOCATIONS.with(Cell::get) - before, 0, "{}", predictor.name());
 }

@@ -7,12 +7,14 @@ use std::sync::Arc;
 
 use lanecraft_drive::control::TerminalCost;
 use lanecraft_drive::env::{Config, Env, Order, StepOutcome};
-use lanecraft_drive::predict::Predictor;
+use lanecraft_drive::predict::lstm::LstmModel;
+use lanecraft_drive::predict::{ModelSource, PredictionConfig, Predictor};
 use lanecraft_drive::road::{LaneIndex, RoadConfig, Topology};
 use lanecraft_drive::scenario::{EgoStart, RecordedTraffic, Recording, ScenarioFile, Track, TrackSample};
 use lanecraft_drive::snapshot::{SNAPSHOT_SCHEMA, Snapshot, SnapshotError};
 use lanecraft_drive::traffic::World;
 use lanecraft_drive::vehicle::{Contact, ControlInput, ExternalPlant, Plant, VehicleState};
+use lanecraft_net::Lstm;
 use lanecraft_net::random::Stream;
 
 /// Ticks of each episode.
@@ -31,6 +33,7 @@ fn configs() -> Vec<Config> {
         changed(&|_| ()),
         changed(&everything),
         changed(&|config| config.env.order = Order::DecideFirst),
+        changed(&|config| config.prediction = talkative()),
         scenario(include_str!("../../../scenarios/merge.toml")),
         scenario(include_str!("../../../scenarios/stress.toml")),
         scenario(include_str!("../../../scenarios/cut-in.toml")),
@@ -38,6 +41,16 @@ fn configs() -> Vec<Config> {
         scenario(include_str!("../../../scenarios/rush-hour.toml")),
         scenario(include_str!("../../../scenarios/wet-patch.toml")),
     ]
+}
+
+/// A recurrent predictor of weights that no file holds: what it says depends on all that it remembers.
+fn talkative() -> PredictionConfig {
+    let mut stream = Stream::new(9, "snapshot.model");
+    let mut network = Lstm::new(LstmModel::shape(6), &mut stream).expect("a shape");
+    network.parameters_mut().iter_mut().for_each(|parameter| *parameter += 0.3 * stream.normal() as f32);
+    let mut model = ModelSource::from("in memory".to_owned());
+    model.attach(Arc::new(LstmModel::new(network).expect("the predictor's shape")));
+    PredictionConfig { predictor: Predictor::Lstm, model }
 }
 
 fn everything(config: &mut Config) {

@@ -18,7 +18,7 @@ use crate::decide::{
 };
 use crate::models::rss::Braking;
 use crate::plan::{LaneChangePath, Planner, PlannerConfig, Quintic, Refusal, Window};
-use crate::predict::{Forecast, Predictor};
+use crate::predict::{Forecast, Forecaster, PredictionConfig};
 use crate::road::{LaneIndex, Road, Side};
 use crate::scene::Scene;
 use crate::vehicle::{ControlInput, VehicleParams};
@@ -40,7 +40,7 @@ pub struct DriverSetup<'a> {
     /// The shield.
     pub shield: &'a ShieldConfig,
     /// The forecast.
-    pub predictor: Predictor,
+    pub prediction: &'a PredictionConfig,
     /// Whether the planner's veto is the action mask (default) or comes after the decision (paper).
     pub plan_first: bool,
     /// Time between two control steps, s.
@@ -135,7 +135,7 @@ pub struct Driver {
     scene: Scene,
     #[serde(skip)]
     forecast: Forecast,
-    predictor: Predictor,
+    forecaster: Forecaster,
     planner: Planner,
     shield: ShieldConfig,
     braking: Braking,
@@ -172,7 +172,7 @@ impl Driver {
         Ok(Self {
             scene,
             forecast: Forecast::default(),
-            predictor: setup.predictor,
+            forecaster: Forecaster::new(setup.prediction, setup.control_period_s)?,
             planner: Planner::new(setup.planner, setup.vehicle)?,
             shield: setup.shield.clone(),
             braking,
@@ -212,6 +212,11 @@ impl Driver {
     /// The forecast of the last look ahead.
     pub fn forecast(&self) -> &Forecast {
         &self.forecast
+    }
+
+    /// What makes the forecasts.
+    pub fn forecaster(&self) -> &Forecaster {
+        &self.forecaster
     }
 
     /// The planner.
@@ -375,6 +380,7 @@ impl Driver {
     /// One control step: forecast, both controllers (or the command handed in), guard.
     pub fn control(&mut self, lap: &mut impl FnMut(Part)) -> ControlInput {
         self.look_ahead();
+        self.forecaster.remember(&self.scene);
         lap(Part::Forecast);
         let wanted = match self.activity {
             Activity::Obeying(input) => input,
@@ -419,7 +425,7 @@ impl Driver {
     }
 
     fn look_ahead(&mut self) {
-        self.predictor.forecast(&self.scene, &mut self.forecast);
+        self.forecaster.forecast(&self.scene, &mut self.forecast);
     }
 
     /// A lane change is an option that ends at the first tick at or after its duration.

@@ -7,7 +7,7 @@ use crate::control::ControlConfig;
 use crate::decide::{ActionsConfig, ObservationConfig, RewardConfig, ShieldConfig};
 use crate::perceive::PerceptionConfig;
 use crate::plan::PlannerConfig;
-use crate::predict::Predictor;
+use crate::predict::PredictionConfig;
 use crate::road::RoadConfig;
 use crate::scenario::{ScenarioError, ScenarioFile, TrafficConfig};
 use crate::vehicle::{PlantConfig, VehicleParams};
@@ -20,20 +20,6 @@ pub enum Order {
     PlanFirst,
     /// The paper's literal order: a lane change without a path becomes lane keeping, and is counted.
     DecideFirst,
-}
-
-/// The forecast's section.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PredictionConfig {
-    /// Which predictor planner and controllers are given.
-    pub predictor: Predictor,
-}
-
-impl Default for PredictionConfig {
-    fn default() -> Self {
-        Self { predictor: Predictor::ConstantVelocity }
-    }
 }
 
 /// Periods and length of an episode.
@@ -149,6 +135,7 @@ impl Config {
         self.check_delays()?;
         self.plant.validate()?;
         self.perception.validate()?;
+        self.prediction.validate(self.env.control_period_s)?;
         self.planner.validate()?;
         self.control.validate()?;
         self.actions.validate()?;

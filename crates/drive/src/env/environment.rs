@@ -85,7 +85,7 @@ impl Env {
             control: &config.control,
             actions: &config.actions,
             shield: &config.shield,
-            predictor: config.prediction.predictor,
+            prediction: &config.prediction,
             plan_first: config.env.order == Order::PlanFirst,
             control_period_s: config.env.control_period_s,
         };

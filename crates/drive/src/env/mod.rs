@@ -7,7 +7,7 @@ mod record;
 mod snapshot;
 mod step;
 
-pub use config::{Config, EnvConfig, Order, Periods, PredictionConfig};
+pub use config::{Config, EnvConfig, Order, Periods};
 pub use environment::{Env, EnvError};
 pub use episode::{Episode, TIME_TO_COLLISION_CAP_S};
 pub use record::{

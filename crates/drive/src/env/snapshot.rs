@@ -29,7 +29,10 @@ impl Env {
     /// If the snapshot is not one of an episode, or does not give the state that it was taken of.
     pub fn restore(snapshot: &Snapshot) -> Result<Self, SnapshotError> {
         let (header, mut env) = snapshot.open::<Self>(SnapshotKind::Episode)?;
-        let config: Config = toml::from_str(&header.config)?;
+        let mut config: Config = toml::from_str(&header.config)?;
+        if let Some(model) = env.driver.forecaster().model() {
+            config.prediction.model.attach(Arc::clone(model));
+        }
         config.validate()?;
         env.config = Arc::new(config);
         env.driver.rebuild(env.world.road());

@@ -1,10 +1,14 @@
 //! What the other vehicles will do: from a scene to a forecast.
 
+mod config;
 mod constant;
 mod idm_rollout;
+pub mod lstm;
 
 use serde::{Deserialize, Serialize};
 
+pub use self::config::{Forecaster, ModelSource, PredictionConfig};
+use self::lstm::{LstmForecaster, LstmModel};
 use crate::scene::Scene;
 
 /// Time between two points of a forecast, s.
@@ -72,17 +76,37 @@ pub enum Predictor {
     /// Constant speed along the road.
     #[default]
     ConstantVelocity,
+    /// Constant acceleration along the road, until it stands.
+    ConstantAcceleration,
     /// Each follows its predecessor by the Intelligent Driver Model with nominal parameters.
     IdmRollout,
+    /// A recurrent network that has learned from tracks how vehicles go on.
+    Lstm,
 }
 
 impl Predictor {
-    /// Forecasts every neighbor of `scene` into `forecast`, whose room is used again.
+    /// All predictors.
+    pub const ALL: [Self; 4] = [Self::ConstantVelocity, Self::ConstantAcceleration, Self::IdmRollout, Self::Lstm];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::ConstantVelocity => "constant-velocity",
+            Self::ConstantAcceleration => "constant-acceleration",
+            Self::IdmRollout => "idm-rollout",
+            Self::Lstm => "lstm",
+        }
+    }
+
+    /// Forecasts every neighbor of `scene` from this scene alone into `forecast`, whose room is used again. The recurrent network, with the
+    /// weights that are built in, takes every vehicle to have moved as it does now: a [`Forecaster`] remembers.
     pub fn forecast(self, scene: &Scene, forecast: &mut Forecast) {
         forecast.reset(scene.neighbors.len());
         match self {
             Self::ConstantVelocity => constant::forecast(scene, forecast),
+            Self::ConstantAcceleration => constant::forecast_accelerating(scene, forecast),
             Self::IdmRollout => idm_rollout::forecast(scene, forecast),
+            Self::Lstm => LstmForecaster::new(LstmModel::built_in(), 1).forecast(scene, forecast),
         }
     }
 }
@@ -121,6 +145,18 @@ pub(crate) mod tests {
             assert!((point.ahead_m - (40.0 + 20.0 * time_s)).abs() < 1e-9);
             assert_eq!((point.d_m, point.speed_mps), (3.75, 20.0));
         }
+    }
+
+    #[test]
+    fn constant_acceleration_is_its_closed_form_until_the_vehicle_stands() {
+        let accelerating = |accel_mps2: f64| Neighbor { accel_mps2, ..neighbor(40.0, 20.0, 1) };
+        let mut forecast = Forecast::default();
+        Predictor::ConstantAcceleration.forecast(&scene(vec![accelerating(1.0), accelerating(-8.0)]), &mut forecast);
+        let (faster, braking) = (forecast.track(0)[30], forecast.track(1));
+        assert!((faster.ahead_m - (40.0 + 60.0 + 4.5)).abs() < 1e-9 && (faster.speed_mps - 23.0).abs() < 1e-9);
+        // From 20 m/s with 8 m/s²: 25 m in 2.5 s, and not a step back.
+        assert!((braking[25].ahead_m - 65.0).abs() < 1e-9 && braking[25].speed_mps.abs() < 1e-9);
+        assert_eq!(braking[26], braking[FORECAST_STEPS]);
     }
 
     #[test]
