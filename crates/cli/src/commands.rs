@@ -5,6 +5,7 @@ pub(crate) mod data;
 pub(crate) mod evaluate;
 pub(crate) mod irl;
 pub(crate) mod maneuvers;
+pub(crate) mod predictor;
 pub(crate) mod quickstart;
 pub(crate) mod replay;
 pub(crate) mod report;
@@ -32,6 +33,8 @@ pub(crate) enum Command {
     Maneuvers(maneuvers::Maneuvers),
     Study(study::Study),
     #[command(subcommand)]
+    Predictor(predictor::Predictor),
+    #[command(subcommand)]
     Traffic(traffic::Traffic),
     #[command(subcommand)]
     Scenario(scenario::Scenario),
@@ -52,6 +55,9 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Bench(command) => command.run(output),
         Command::Maneuvers(command) => command.run(output),
         Command::Study(command) => command.run(output),
+        Command::Predictor(predictor::Predictor::Train(command)) => command.run(output),
+        Command::Predictor(predictor::Predictor::Evaluate(command)) => command.run(output),
+        Command::Predictor(predictor::Predictor::Swap(command)) => command.run(output),
         Command::Traffic(traffic::Traffic::Calibrate(command)) => command.run(output),
         Command::Scenario(command) => command.run(output),
         Command::Data(data::Data::Inspect(command)) => command.run(),

@@ -6,20 +6,24 @@
 pub mod error;
 pub mod overlay;
 
+use std::io::Read as _;
 use std::path::Path;
 
 use lanecraft_drive::config::{ConfigError, check_range};
 pub use lanecraft_drive::env::Config as EnvironmentConfig;
 use lanecraft_drive::kinematic::KinematicConfig;
+use lanecraft_drive::predict::ModelSource;
 use lanecraft_learn::LearnerConfig;
 use lanecraft_learn::irl::IrlConfig;
 use serde::{Deserialize, Serialize};
 use toml::Table;
 
-pub use error::{ConfigFileError, Origin, SectionError};
+pub use error::{ConfigFileError, Origin, PredictorFileError, PredictorFileProblem, SectionError};
 pub use overlay::nearest;
 
 use overlay::Overlay;
+
+use crate::predictor::PredictorConfig;
 
 /// A named complete configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,6 +71,8 @@ pub enum SeedRole {
     Tuning,
     /// Results are reported of it, and nothing is chosen by it.
     Test,
+    /// A predictor learns from its traffic.
+    Prediction,
 }
 
 impl SeedRole {
@@ -79,6 +85,7 @@ impl SeedRole {
             Self::Training => 0,
             Self::Tuning => 1,
             Self::Test => 2,
+            Self::Prediction => 3,
         };
         role << 50 | (seed & MAX_SEED) << 30 | (index & ((1 << 30) - 1))
     }
@@ -159,6 +166,8 @@ pub struct RunConfig {
     pub environment: EnvironmentConfig,
     /// Section `[irl]`.
     pub irl: IrlConfig,
+    /// Section `[predictor]`.
+    pub predictor: PredictorConfig,
     /// Section `[learner]`.
     pub learner: LearnerConfig,
     /// Section `[training]`.
@@ -172,13 +181,14 @@ pub struct RunConfig {
 #[serde(deny_unknown_fields)]
 struct LabSections {
     irl: IrlConfig,
+    predictor: PredictorConfig,
     learner: LearnerConfig,
     training: TrainingConfig,
     evaluation: EvaluationConfig,
 }
 
 impl LabSections {
-    const NAMES: [&'static str; 4] = ["irl", "learner", "training", "evaluation"];
+    const NAMES: [&'static str; 5] = ["irl", "predictor", "learner", "training", "evaluation"];
 }
 
 /// The fast environment, laid over by `values`, whose keys may be nested or dotted, checked and validated.
@@ -246,6 +256,7 @@ impl RunConfig {
     pub fn validate(&self) -> Result<(), SectionError> {
         self.environment.validate()?;
         self.irl.validate()?;
+        self.predictor.validate()?;
         self.learner.validate()?;
         self.training.validate()?;
         Ok(self.evaluation.validate()?)
@@ -254,6 +265,7 @@ impl RunConfig {
     fn to_table(&self) -> Table {
         let lab = LabSections {
             irl: self.irl.clone(),
+            predictor: self.predictor.clone(),
             learner: self.learner.clone(),
             training: self.training.clone(),
             evaluation: self.evaluation.clone(),
@@ -267,17 +279,32 @@ impl RunConfig {
     fn from_table(table: &Table) -> Result<Self, toml::de::Error> {
         let (lab, environment): (Table, Table) =
             table.clone().into_iter().partition(|(section, _)| LabSections::NAMES.contains(&section.as_str()));
-        let LabSections { irl, learner, training, evaluation } = lab.try_into()?;
-        Ok(Self { environment: environment.try_into()?, irl, learner, training, evaluation })
+        let LabSections { irl, predictor, learner, training, evaluation } = lab.try_into()?;
+        Ok(Self { environment: environment.try_into()?, irl, predictor, learner, training, evaluation })
     }
 
     fn validated(overlay: &Overlay) -> Result<Self, ConfigFileError> {
-        let config = Self::from_table(overlay.table()).expect("each key was checked when it was laid over");
-        config
-            .validate()
+        let mut config = Self::from_table(overlay.table()).expect("each key was checked when it was laid over");
+        load_predictor(&mut config.environment.prediction.model)
+            .map_err(SectionError::from)
+            .and_then(|()| config.validate())
             .map_err(|source| ConfigFileError::Invalid { origin: overlay.origin(source.key()), source })?;
         Ok(config)
     }
+}
+
+/// Largest file of weights that is read, bytes: ten times the widest network's.
+const WEIGHTS_LIMIT: u64 = 64 << 20;
+
+/// Loads the predictor's weights, if they are those of a file.
+fn load_predictor(source: &mut ModelSource) -> Result<(), PredictorFileError> {
+    let Some(path) = source.path().map(str::to_owned) else { return Ok(()) };
+    let read = || {
+        let mut bytes = Vec::new();
+        std::fs::File::open(&path)?.take(WEIGHTS_LIMIT).read_to_end(&mut bytes).map(|_| bytes)
+    };
+    let loaded = read().map_err(PredictorFileProblem::from).and_then(|bytes| Ok(source.load(&bytes)?));
+    loaded.map_err(|reason| PredictorFileError { path, reason })
 }
 
 #[cfg(test)]
@@ -341,9 +368,23 @@ mod tests {
     }
 
     #[test]
+    fn weights_are_loaded_or_refused_with_file_and_reason() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("weights.safetensors");
+        let assignment = format!("prediction.model={}", path.display());
+        let resolved = || set(&[&assignment, "prediction.predictor=lstm"]);
+        assert!(resolved().unwrap_err().contains("weights.safetensors\", which must be built-in"));
+        std::fs::write(&path, b"nonsense, but long enough").unwrap();
+        assert!(resolved().unwrap_err().contains("the tensor file declares a header of"));
+        let built_in = lanecraft_drive::predict::lstm::LstmModel::built_in();
+        std::fs::write(&path, built_in.to_bytes().unwrap()).unwrap();
+        assert_eq!(resolved().unwrap().environment.prediction.model.loaded().unwrap(), built_in);
+    }
+
+    #[test]
     fn scenarios_of_different_roles_seeds_or_indices_differ() {
         let mut seeds = Vec::new();
-        for role in [SeedRole::Training, SeedRole::Tuning, SeedRole::Test] {
+        for role in [SeedRole::Training, SeedRole::Tuning, SeedRole::Test, SeedRole::Prediction] {
             for seed in [0, 1, MAX_SEED] {
                 seeds.extend([0, 1, (1 << 30) - 1].map(|index| role.scenario_seed(seed, index)));
             }

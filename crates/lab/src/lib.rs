@@ -16,6 +16,7 @@ pub mod metrics;
 pub mod pages;
 pub mod pairing;
 pub mod policy;
+pub mod predictor;
 pub mod profile;
 pub mod progress;
 pub mod quickstart;

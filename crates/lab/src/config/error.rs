@@ -41,6 +41,32 @@ pub enum SectionError {
     Drive(#[from] lanecraft_drive::config::ConfigError),
     /// Of the learners.
     Learn(#[from] lanecraft_learn::ConfigError),
+    /// Of the file with the predictor's weights.
+    Model(#[from] PredictorFileError),
+}
+
+/// A file with the predictor's weights that cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[error("`{PREDICTION_MODEL}` is {path:?}, which must be built-in or a predictor's weights: {reason}")]
+pub struct PredictorFileError {
+    /// The file.
+    pub path: String,
+    /// What is wrong with it.
+    pub reason: PredictorFileProblem,
+}
+
+/// The key that names the file.
+const PREDICTION_MODEL: &str = "prediction.model";
+
+/// What is wrong with a file of weights.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+#[non_exhaustive]
+pub enum PredictorFileProblem {
+    /// It cannot be read.
+    Read(#[from] std::io::Error),
+    /// It holds something else.
+    Model(#[from] lanecraft_drive::predict::lstm::ModelError),
 }
 
 impl SectionError {
@@ -49,6 +75,7 @@ impl SectionError {
         match self {
             Self::Learn(error) => error.key,
             Self::Drive(error) => error.key(),
+            Self::Model(_) => PREDICTION_MODEL,
         }
     }
 }

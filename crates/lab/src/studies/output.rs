@@ -73,6 +73,14 @@ impl Table {
         text
     }
 
+    /// For a document in Markdown.
+    pub fn markdown(&self) -> String {
+        let row = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+        let rule = row(&vec!["---".to_owned(); self.head.len()]);
+        let rows: String = self.rows.iter().map(|cells| row(cells)).collect();
+        format!("{}\n\n{}{rule}{rows}", self.caption, row(&self.head))
+    }
+
     fn html(&self) -> String {
         let row = |cells: &[String], tag: &str| {
             let mut html = "<tr>".to_owned();
@@ -174,7 +182,8 @@ impl StudyReport {
         Ok(written)
     }
 
-    fn page(&self) -> String {
+    /// One page with all of it.
+    pub(crate) fn page(&self) -> String {
         let figures: String = self.figures.iter().map(Figure::html).collect();
         let tables: String = self.tables.iter().map(Table::html).collect();
         let (title, summary) = (escape(&self.title), escape(&self.summary));
