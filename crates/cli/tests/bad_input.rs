@@ -118,6 +118,18 @@ const REFUSED: &[(&str, &[&str])] = &[
     ("train --out new --scenario jam.toml", &["jam.toml:5:"]),
     ("train --out new --set env.scenario=3", &["`env.scenario` is no scenario"]),
     ("train --out new --threads 0", &["1..=1024"]),
+    // The predictor.
+    ("predictor train --out new --set predictor.hidden=0", &["`predictor.hidden` is 0", "1..=512"]),
+    ("predictor train --out new --set predictor.scenarios=0", &["no vehicle", "--data"]),
+    ("predictor train --out new --data nowhere.csv", &["nowhere.csv"]),
+    ("predictor train --out finished", &["finished exists already", "--force"]),
+    ("predictor evaluate --data misspelt.toml", &["misspelt.toml"]),
+    (
+        "evaluate rule:random --set prediction.model=photos/cat.jpg",
+        &["`prediction.model` is \"photos/cat.jpg\"", "the tensor file has 3 bytes"],
+    ),
+    ("evaluate rule:random --set prediction.model=nowhere", &["`prediction.model` is \"nowhere\"", "No such file"]),
+    ("evaluate rule:random --set prediction.predictor=lsmt", &["did you mean `lstm`?"]),
     // Runs that exist.
     ("train --out finished", &["finished exists already", "--force"]),
     ("train --out photos", &["photos exists already"]),
@@ -153,7 +165,15 @@ fn bad_input_is_refused_by_name_and_nothing_is_written() {
 fn help_shows_examples_for_every_command() {
     let folder = tempfile::tempdir().unwrap();
     let commands = ["", "quickstart", "irl fit", "train", "evaluate", "report", "replay", "bench", "traffic calibrate"];
-    for command in commands.into_iter().chain(["scenario", "scenario run", "data inspect", "data extract"]) {
+    for command in commands.into_iter().chain([
+        "scenario",
+        "scenario run",
+        "data inspect",
+        "data extract",
+        "predictor train",
+        "predictor evaluate",
+        "predictor swap",
+    ]) {
         let output = lanecraft(folder.path(), &format!("{command} --help"));
         let text = String::from_utf8_lossy(&output.stdout).into_owned();
         assert_eq!(output.status.code(), Some(0), "{command}");

@@ -136,3 +136,24 @@ fn policies_are_compared_in_the_same_scenarios() {
     assert_eq!(names, ["rule:best-lane", "rule:random"]);
     assert_eq!(done(folder.path(), &format!("{line} --threads 1")), lines);
 }
+
+#[test]
+fn a_predictor_is_trained_to_the_same_bytes_at_any_number_of_threads_and_drives() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let short =
+        "--set predictor.scenarios=9 --set predictor.scenario_s=10 --set predictor.epochs=1 --set predictor.hidden=4";
+    done(path, &format!("predictor train --out one --threads 1 {short}"));
+    done(path, &format!("predictor train --out two --threads 2 {short}"));
+    assert_same(&path.join("one"), &path.join("two"));
+    let files: Vec<String> = content(&path.join("one")).into_keys().collect();
+    assert_eq!(files, ["config.toml", "manifest.json", "predictor.safetensors", "report.html", "training.csv"]);
+    let with = "--set prediction.model=one/predictor.safetensors --set evaluation.episode_s=5";
+    let table =
+        done(path, &format!("predictor evaluate --scenarios 2 --set predictor.scenario_s=10 --out figures {with}"));
+    assert!(table.contains("constant-acceleration") && table.contains("lstm"), "{table}");
+    let markdown = fs::read_to_string(path.join("figures/predictor.md")).unwrap();
+    assert!(markdown.contains("| idm-rollout | 2 | "), "{markdown}");
+    let swapped = done(path, &format!("predictor swap --episodes 2 --policy rule:keep-lane --json {with}"));
+    assert_eq!(swapped.lines().count(), 4, "{swapped}");
+}

@@ -13,6 +13,7 @@ use lanecraft_drive::driver::Part;
 use lanecraft_drive::env::EnvError;
 use lanecraft_learn::{ActError, Actor, Learner, Transition, UpdateError};
 use lanecraft_net::random::Stream;
+use lanecraft_net::{Adam, Lstm, LstmShape, LstmWorkspace, ShapeError};
 use serde::Serialize;
 
 use crate::baselines::{BestLane, Rule};
@@ -58,6 +59,8 @@ pub enum BenchError {
     Stats(#[from] StatsError),
     /// The replay buffer refused a transition.
     Replay(#[from] lanecraft_learn::ReplayError),
+    /// A network could not be built.
+    Shape(#[from] ShapeError),
     /// The threads could not be started.
     Threads(#[from] rayon::ThreadPoolBuildError),
 }
@@ -73,6 +76,8 @@ pub enum Group {
     Kinematic,
     /// The learner.
     Learner,
+    /// The recurrent network.
+    Lstm,
     /// The quick start's policy beside all rules on the evaluation's scenarios; trains first.
     Policies,
     /// The rule `best-lane` over a grid of its two numbers, on tuning scenarios.
@@ -81,10 +86,10 @@ pub enum Group {
 
 impl Group {
     /// All groups.
-    pub const ALL: [Self; 6] =
-        [Self::Traffic, Self::Env, Self::Kinematic, Self::Learner, Self::Policies, Self::BestLane];
+    pub const ALL: [Self; 7] =
+        [Self::Traffic, Self::Env, Self::Kinematic, Self::Learner, Self::Lstm, Self::Policies, Self::BestLane];
     /// Those that are done in seconds.
-    pub const SHORT: [Self; 4] = [Self::Traffic, Self::Env, Self::Kinematic, Self::Learner];
+    pub const SHORT: [Self; 5] = [Self::Traffic, Self::Env, Self::Kinematic, Self::Learner, Self::Lstm];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -93,6 +98,7 @@ impl Group {
             Self::Env => "env",
             Self::Kinematic => "kinematic",
             Self::Learner => "learner",
+            Self::Lstm => "lstm",
             Self::Policies => "policies",
             Self::BestLane => "best-lane",
         }
@@ -105,6 +111,7 @@ impl Group {
             Self::Env => env(config, found),
             Self::Kinematic => kinematic::run(found),
             Self::Learner => learner(config, found),
+            Self::Lstm => lstm(found),
             Self::Policies => policies(config, found),
             Self::BestLane => best_lane(config, found),
         }
@@ -179,6 +186,28 @@ fn learner(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), Be
     actor.greedy(&seen, 1)?;
     let value = 1e6 / rate(|| u64::from(black_box(actor.greedy(&seen, u32::MAX)).is_ok()));
     found(BenchRow { bench: format!("learner/vote/{name}"), value, unit: "us" });
+    Ok(())
+}
+
+/// An update of the recurrent network on random sequences: what `bench/peers/lstm.py` measures of PyTorch.
+fn lstm(found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
+    let (shape, batch, steps) = (LstmShape { inputs: 6, hidden: 64, outputs: 12 }, 64, 10);
+    let mut stream = Stream::new(0, "bench.lstm");
+    let mut network = Lstm::new(shape, &mut stream)?;
+    let mut random = |count: usize| (0..count).map(|_| stream.normal() as f32).collect::<Vec<_>>();
+    let (inputs, targets) = (random(steps * batch * shape.inputs), random(batch * shape.outputs));
+    let mut adam = Adam::new(network.parameters().len());
+    let mut workspace = LstmWorkspace::new(&shape, batch, steps);
+    let (mut delta, mut gradient) = (targets.clone(), vec![0.0; network.parameters().len()]);
+    let value = 1e3
+        / rate(|| {
+            let outputs = network.forward(&inputs, steps, &mut workspace);
+            delta.iter_mut().zip(outputs.iter().zip(&targets)).for_each(|(delta, (y, target))| *delta = y - target);
+            network.backward(&inputs, &delta, &mut workspace, &mut gradient);
+            adam.step(network.parameters_mut(), &gradient, 1e-3);
+            1
+        });
+    found(BenchRow { bench: "lstm/update/batch64-10x6-64".to_owned(), value, unit: "ms" });
     Ok(())
 }
 

@@ -297,14 +297,14 @@ impl RunConfig {
 const WEIGHTS_LIMIT: u64 = 64 << 20;
 
 /// Loads the predictor's weights, if they are those of a file.
-fn load_predictor(source: &mut ModelSource) -> Result<(), PredictorFileError> {
+fn load_predictor(source: &mut ModelSource) -> Result<(), Box<PredictorFileError>> {
     let Some(path) = source.path().map(str::to_owned) else { return Ok(()) };
     let read = || {
         let mut bytes = Vec::new();
         std::fs::File::open(&path)?.take(WEIGHTS_LIMIT).read_to_end(&mut bytes).map(|_| bytes)
     };
     let loaded = read().map_err(PredictorFileProblem::from).and_then(|bytes| Ok(source.load(&bytes)?));
-    loaded.map_err(|reason| PredictorFileError { path, reason })
+    loaded.map_err(|reason| Box::new(PredictorFileError { path, reason }))
 }
 
 #[cfg(test)]

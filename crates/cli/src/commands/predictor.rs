@@ -6,7 +6,8 @@ use clap::{Args, Subcommand};
 use lanecraft_lab::config::{RunConfig, SeedRole};
 use lanecraft_lab::policy::Policy as Driver;
 use lanecraft_lab::predictor::{
-    Errors, PREDICTORS, cross_validate, judge, recorded_films, report, simulated_films, swap, swap_report, train_run,
+    Errors, Film, PREDICTORS, PredictorError, cross_validate, judge, recorded_films, report, simulated_films, swap,
+    swap_report, train_run,
 };
 use lanecraft_lab::progress::Progress;
 use lanecraft_lab::run_dir::{Existing, Manifest, RunDir, atomic};
@@ -34,6 +35,13 @@ struct Recordings {
     /// What the names of the sites to use begin with: no streets with signals, which are another matter
     #[arg(long, value_name = "PREFIX", default_value = "us101")]
     sites: String,
+}
+
+impl Recordings {
+    fn films(&self) -> Result<Vec<Film>, PredictorError> {
+        let films: Result<Vec<_>, _> = self.data.iter().map(|path| recorded_films(path, &self.sites)).collect();
+        Ok(films?.into_iter().flatten().collect())
+    }
 }
 
 const TRAIN_EXAMPLES: &str = "\
@@ -66,12 +74,18 @@ pub(crate) struct Train {
 impl Train {
     pub(crate) fn run(self, output: Output) -> anyhow::Result<()> {
         let config = self.config.resolve(flag("training.seed", self.seed).into_iter().collect())?;
-        let manifest = Manifest::new("predictor train", self.config.preset.preset().name(), &config);
         let existing = if self.force { Existing::Replace } else { Existing::Refuse };
-        let run = RunDir::create(&self.out, existing, &manifest, &config)?;
-        let Recordings { data, sites } = &self.recordings;
-        self.threads.run(|| output.with_progress(|progress| train_run(&run, &config, (data, sites), progress)))??;
-        Ok(answer(&format!("{} is finished", run.path().display()))?)
+        RunDir::check(&self.out, existing)?;
+        self.threads.run(|| -> Result<(), PredictorError> {
+            let recorded = self.recordings.films()?;
+            if recorded.is_empty() && config.predictor.scenarios == 0 {
+                return Err(PredictorError::NoSamples);
+            }
+            let manifest = Manifest::new("predictor train", self.config.preset.preset().name(), &config);
+            let run = RunDir::create(&self.out, existing, &manifest, &config)?;
+            output.with_progress(|progress| train_run(&run, &config, recorded, progress))
+        })??;
+        Ok(answer(&format!("{} is finished", self.out.display()))?)
     }
 }
 
@@ -125,16 +139,13 @@ impl Evaluate {
     }
 
     fn errors(&self, config: &RunConfig, progress: &Progress) -> anyhow::Result<Vec<(&'static str, Errors)>> {
+        let recorded = self.recordings.films()?;
         let mut found = Vec::new();
         if self.scenarios > 0 {
             let films = progress.stage("simulate", self.scenarios as u64, |progress| {
                 simulated_films(config, SeedRole::Test, self.scenarios, progress)
             })?;
             found.push(("simulated traffic", judge(&films, &config.environment.prediction)?));
-        }
-        let mut recorded = Vec::new();
-        for path in &self.recordings.data {
-            recorded.extend(recorded_films(path, &self.recordings.sites)?);
         }
         if !recorded.is_empty() {
             let count = config.predictor.scenarios;

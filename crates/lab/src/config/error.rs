@@ -42,7 +42,7 @@ pub enum SectionError {
     /// Of the learners.
     Learn(#[from] lanecraft_learn::ConfigError),
     /// Of the file with the predictor's weights.
-    Model(#[from] PredictorFileError),
+    Model(#[from] Box<PredictorFileError>),
 }
 
 /// A file with the predictor's weights that cannot be used.

@@ -23,12 +23,13 @@ pub fn report(found: &[(&str, Errors)]) -> Result<StudyReport, StatsError> {
         tables: Vec::new(),
         figures: Vec::new(),
     };
+    let mut verdicts = Vec::new();
     for (kind, errors) in found {
-        report.summary += &format!("{} ", verdict(kind, errors)?);
+        verdicts.push(verdict(kind, errors)?);
         report.tables.push(table(kind, errors)?);
         report.figures.push(figure(kind, errors)?);
     }
-    report.summary = report.summary.trim_end().to_owned();
+    report.summary = verdicts.join(" ");
     Ok(report)
 }
 
@@ -75,7 +76,9 @@ fn figure(kind: &str, errors: &Errors) -> Result<Figure, StatsError> {
     for (series, of) in rows.chunks(JUDGED_S.len()).enumerate() {
         let line: Vec<[f64; 2]> = of.iter().map(|row| [row.horizon_s, row.error_m.mean]).collect();
         plot.line(&line, series);
-        line.iter().for_each(|point| plot.point(*point, series));
+        for point in &line {
+            plot.point(*point, series);
+        }
         legend.push((of[0].predictor.to_owned(), series));
     }
     let svg = plot
@@ -83,13 +86,15 @@ fn figure(kind: &str, errors: &Errors) -> Result<Figure, StatsError> {
     Ok(Figure { name: kind.replace(' ', "-"), title: format!("Displacement error on {kind}"), svg, legend })
 }
 
+/// A curve's name and figure.
+type Curve = (&'static str, fn(&EpochPoint) -> f64);
+
 /// A page on a training run.
 pub(super) fn training_report(points: &[EpochPoint], samples: &str) -> StudyReport {
     let losses = || points.iter().flat_map(|point| [point.loss, point.validation_loss]);
     let x = Axis::over("epochs", points.iter().map(|point| f64::from(point.epoch)).chain([0.0]));
     let mut plot = Plot::new(x, Axis::over("loss", losses().chain([0.0])));
-    let curves: [(&str, fn(&EpochPoint) -> f64); 2] =
-        [("learned from", |p| p.loss), ("watched only", |p| p.validation_loss)];
+    let curves: [Curve; 2] = [("learned from", |p| p.loss), ("watched only", |p| p.validation_loss)];
     for (series, (_, of)) in curves.iter().enumerate() {
         let line: Vec<[f64; 2]> = points.iter().map(|point| [f64::from(point.epoch), of(point)]).collect();
         plot.line(&line, series);

@@ -1,9 +1,7 @@
 //! A training run in its folder.
 
-use std::path::PathBuf;
-
 use super::output::training_report;
-use super::{EpochPoint, PredictorError, recorded_films, simulated_films, train};
+use super::{EpochPoint, Film, PredictorError, simulated_films, train};
 use crate::config::{RunConfig, SeedRole};
 use crate::pages::REPORT;
 use crate::progress::Progress;
@@ -14,24 +12,22 @@ pub const WEIGHTS: &str = "predictor.safetensors";
 /// The learning curve, a row for each epoch.
 pub const CURVE: &str = "training.csv";
 
-/// Trains on simulated traffic and on the recordings at `data`, of which the sites count whose names begin with `prefix`, and fills the folder of `run`.
+/// Trains on simulated traffic and on `recorded` films, and fills the folder of `run`.
 ///
 /// # Errors
-/// If a recording cannot be read, there is nothing to learn from, or the folder cannot be written.
+/// If there is nothing to learn from, or the folder cannot be written.
 pub fn train_run(
     run: &RunDir,
     config: &RunConfig,
-    (data, prefix): (&[PathBuf], &str),
+    recorded: Vec<Film>,
     progress: &Progress,
 ) -> Result<(), PredictorError> {
     let settings = &config.predictor;
     let mut films = progress.stage("simulate", settings.scenarios as u64, |progress| {
         simulated_films(config, SeedRole::Prediction, settings.scenarios, progress)
     })?;
-    let simulated = films.len();
-    for path in data {
-        films.extend(recorded_films(path, prefix)?);
-    }
+    let counts = (films.len(), recorded.len());
+    films.extend(recorded);
     let mut log = RunLog::resume(&run.path().join(CURVE), 0)?;
     let (mut points, mut written) = (Vec::new(), Ok(()));
     let model = progress.stage("train", u64::from(settings.epochs), |progress| {
@@ -48,8 +44,7 @@ pub fn train_run(
     written?;
     log.sync()?;
     run.write(WEIGHTS, &model.to_bytes()?)?;
-    let sources =
-        format!("Learned from {simulated} simulated scenarios and {} recorded sites.", films.len() - simulated);
+    let sources = format!("Learned from {} simulated scenarios and {} recorded sites.", counts.0, counts.1);
     run.write(REPORT, training_report(&points, &sources).page().as_bytes())?;
     Ok(run.finish(&[CONFIG, WEIGHTS, CURVE])?)
 }

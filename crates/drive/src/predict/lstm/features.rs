@@ -77,7 +77,9 @@ fn enter(last: &mut [Option<Body>; MAX_LANES], mut body: Body) -> Option<(f64, B
         (gap_m.max(0.0), leader)
     });
     body.leader = followed.map(|(gap_m, leader)| (gap_m, leader.speed_mps));
-    slots.iter().for_each(|&slot| last[slot] = Some(body));
+    for slot in slots {
+        last[slot] = Some(body);
+    }
     followed
 }
 

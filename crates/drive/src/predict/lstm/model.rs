@@ -78,8 +78,11 @@ impl LstmModel {
     /// # Errors
     /// If the network is not told the features or does not say the outputs of this predictor.
     pub fn new(network: Lstm) -> Result<Self, ShapeError> {
-        let stored = Stored { hidden: network.shape().hidden, parameters: network.parameters().to_vec() };
-        stored.try_into()
+        let shape = Self::shape(network.shape().hidden);
+        if *network.shape() == shape {
+            return Ok(Self { network });
+        }
+        Err(ShapeError::Parameters { expected: shape.parameter_count(), found: network.parameters().len() })
     }
 
     /// The model that this version comes with, trained as its card says (`models/predictor.md`).
