@@ -108,7 +108,7 @@ class HighwayEnv(gymnasium.Env[NDArray[np.float32], Any]):
         ConfigError: a key or value that means nothing here; keys about drawing are accepted.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": ["rgb_array"], "render_fps": 1}
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 1}
 
     def __init__(self, config: Mapping[str, Any] | None = None, render_mode: str | None = None) -> None:
         if render_mode not in (None, "rgb_array"):
