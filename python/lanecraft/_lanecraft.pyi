@@ -4,7 +4,7 @@ from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
-from typing_extensions import disjoint_base
+from typing_extensions import Self, disjoint_base
 
 __all__ = [
     "EnvCore",
@@ -74,7 +74,7 @@ class Task:
 class EnvCore:
     """An environment; the base of :class:`lanecraft.Env`."""
 
-    def __new__(cls, *_args: Any, **_kwargs: Any) -> EnvCore: ...
+    def __new__(cls, *_args: Any, **_kwargs: Any) -> Self: ...
     def _open(self, task: Task) -> None: ...
     def _begin(self, seed: int | None) -> tuple[NDArray[np.float32], dict[str, Any]]: ...
     def _rgb(self, width_px: int, height_px: int) -> NDArray[np.uint8]: ...
