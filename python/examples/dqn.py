@@ -104,6 +104,7 @@ def loss(net: nn.Module, target: nn.Module, batch: list[torch.Tensor], discount:
 
 def train(args: Args) -> nn.Module:
     torch.manual_seed(args.seed)
+    torch.set_num_threads(1)  # networks so small lose by more
     rng = np.random.default_rng(args.seed)
     envs = lanecraft.VectorEnv(args.num_envs, preset=args.preset, autoreset_mode="SameStep")
     size = math.prod(envs.single_observation_space.shape)

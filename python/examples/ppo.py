@@ -119,6 +119,7 @@ def update(agent: Agent, optimizer: torch.optim.Optimizer, rollout: Rollout, adv
 
 def train(args: Args) -> Agent:
     torch.manual_seed(args.seed)
+    torch.set_num_threads(1)  # networks so small lose by more
     envs = lanecraft.VectorEnv(args.num_envs, preset=args.preset, autoreset_mode="SameStep")
     size = math.prod(envs.single_observation_space.shape)
     actions = int(envs.single_action_space.n)

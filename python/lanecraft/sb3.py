@@ -74,10 +74,9 @@ class VecEnv(_sb3.VecEnv):
             final_infos = self._split(vector_infos["final_info"])
             for index in np.flatnonzero(ends):
                 self.reset_infos[index] = infos[index]
-                infos[index] = final_infos[index] | {
-                    "terminal_observation": vector_infos["final_obs"][index],
-                    "TimeLimit.truncated": bool(truncated[index] and not terminated[index]),
-                }
+                infos[index] = {**final_infos[index], "terminal_observation": vector_infos["final_obs"][index]}
+        for info, cut in zip(infos, (truncated & ~terminated).tolist(), strict=True):
+            info["TimeLimit.truncated"] = cut
         return observations, rewards.astype(np.float32), ends, infos
 
     def close(self) -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import builtins
+import importlib
 import re
+import sys
 from pathlib import Path
 
 import gymnasium
@@ -46,6 +48,13 @@ def test_links_lead_somewhere(page):
 def slug(heading: str) -> str:
     """A heading as GitHub names its anchor."""
     return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
+
+
+def test_without_stable_baselines3_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    monkeypatch.delitem(sys.modules, "lanecraft.sb3", raising=False)
+    with pytest.raises(ImportError, match=r"pip install 'lanecraft\[sb3\]'"):
+        importlib.import_module("lanecraft.sb3")
 
 
 def table(page: str, heading: str) -> list[list[str]]:
