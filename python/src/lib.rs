@@ -3,6 +3,8 @@
 //! Users never see these classes: the package wraps them (`lanecraft/env.py`, `lanecraft/vector.py`), and its stubs
 //! (`lanecraft/_lanecraft.pyi`) document them.
 
+#![allow(clippy::needless_pass_by_value, reason = "arguments of Python come by value")]
+
 mod env;
 mod errors;
 mod evaluate;

@@ -111,7 +111,6 @@ impl VectorCore {
     }
 
     /// Begins the episodes of these seeds, or of the next ones where `chosen`.
-    #[expect(clippy::needless_pass_by_value, reason = "lists of Python become vectors")]
     #[pyo3(signature = (seeds, chosen))]
     fn reset(&mut self, py: Python<'_>, seeds: Option<Vec<u64>>, chosen: Option<Vec<bool>>) -> PyResult<()> {
         self.check_open()?;

@@ -91,7 +91,9 @@ fn varied(sample: &Sample, stream: &mut Stream) -> Sample {
 
 fn exchange_sides(sample: &mut Sample) {
     for instant in sample.told.chunks_exact_mut(FEATURES) {
-        SIDED.into_iter().for_each(|feature| instant[feature] = -instant[feature]);
+        for feature in SIDED {
+            instant[feature] = -instant[feature];
+        }
     }
     sample.off_m.iter_mut().flatten().for_each(|off_m| off_m[1] = -off_m[1]);
 }
@@ -121,7 +123,9 @@ impl Learner {
         self.told.clear();
         for instant in 0..FRAMES {
             let start = instant * FEATURES;
-            batch.iter().for_each(|sample| self.told.extend(&sample.told[start..start + FEATURES]));
+            for sample in batch {
+                self.told.extend(&sample.told[start..start + FEATURES]);
+            }
         }
         let outputs = network.forward(&self.told, FRAMES, &mut self.workspace);
         self.output_gradient.clear();
