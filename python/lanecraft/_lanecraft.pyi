@@ -1,5 +1,6 @@
 """The compiled half of the package; its public face is the modules beside it."""
 
+from collections.abc import Sequence
 from typing import Any, final
 
 import numpy as np
@@ -13,15 +14,22 @@ __all__ = [
     "LongitudinalCore",
     "Parts",
     "PlannerCore",
+    "PolicyCore",
     "QpCore",
+    "ResultsCore",
     "Task",
     "VectorCore",
+    "WorldCore",
     "__version__",
+    "evaluate",
+    "idm",
     "qp_infinite_horizon_weight",
     "qp_zero_order_hold",
     "quintic_at",
     "quintic_between",
     "quintic_maxima",
+    "safe_gap",
+    "safe_speed",
     "scenarios",
 ]
 
@@ -102,6 +110,119 @@ class EnvCore:
         """
     def digest(self) -> int:
         """A digest of the whole physical state: equal states have equal digests."""
+
+@final
+class ResultsCore:
+    """The episodes of an evaluation; the engine of :class:`lanecraft.Results`."""
+
+    def rows(self) -> list[str]:
+        """The figures of each policy, as the lines of JSON that the command line prints."""
+    def episodes(self) -> list[str]:
+        """The episodes of all policies, as JSON."""
+    def comparisons(self) -> list[tuple[str, str, tuple[float, float, float], str]]:
+        """The first policy against each of the others: names, lead with its interval, and in words."""
+    def table(self) -> str:
+        """The table that the command line prints."""
+
+def evaluate(
+    policies: list[tuple[str, Any]],
+    environment: tuple[str, dict[str, Any], str | None],
+    masked_actions: str,
+    threads: int,
+) -> ResultsCore:
+    """Drives each policy, a ``PolicyCore`` or anything callable with a name, through the same scenarios; ``environment``: preset,
+    configuration and scenario."""
+
+@disjoint_base
+class PolicyCore:
+    """A policy; the base of :class:`lanecraft.policies.Policy`."""
+
+    def __new__(cls, name: str) -> Self: ...
+    @property
+    def name(self) -> str:
+        """``rule:…``, or the name of the run's folder."""
+    @property
+    def observation_shape(self) -> list[int] | None:
+        """Shape of an observation, or ``None`` for a rule."""
+    @property
+    def actions(self) -> int | None:
+        """Number of actions that a network chooses among; ``None`` for a rule."""
+    def _act(self, env: EnvCore) -> int: ...
+    def _predict(self, observations: NDArray[np.float32], masks: NDArray[np.bool_]) -> NDArray[np.int64]: ...
+
+@disjoint_base
+class WorldCore:
+    """The traffic of one road; the base of :class:`lanecraft.traffic.World`. Columns have shape (vehicles,), by rising id."""
+
+    def __new__(cls, preset: str, config: dict[str, Any], scenario: str | None, seed: int) -> Self: ...
+    def __len__(self) -> int: ...
+    @property
+    def seed(self) -> int:
+        """Seed of the scene."""
+    @property
+    def step_s(self) -> float:
+        """Length of a step, s."""
+    @property
+    def time_s(self) -> float:
+        """Time since the start, s."""
+    @property
+    def ego_start(self) -> tuple[float, int, float]:
+        """Where there is room for a vehicle of one's own at the start: position in m, lane, speed in m/s."""
+    @property
+    def lane_centers_m(self) -> NDArray[np.float64]:
+        """Lateral positions of the lanes' centers, m, from the right."""
+    @property
+    def id(self) -> NDArray[np.int64]:
+        """Which vehicle; ids are never used again."""
+    @property
+    def s_m(self) -> NDArray[np.float64]:
+        """Position of the center along the road, m."""
+    @property
+    def d_m(self) -> NDArray[np.float64]:
+        """Position of the center to the left of the reference line, m."""
+    @property
+    def speed_mps(self) -> NDArray[np.float64]:
+        """Speed along the road, m/s."""
+    @property
+    def lateral_speed_mps(self) -> NDArray[np.float64]:
+        """Speed to the left, m/s."""
+    @property
+    def accel_mps2(self) -> NDArray[np.float64]:
+        """Mean acceleration over the last step, m/s²."""
+    @property
+    def length_m(self) -> NDArray[np.float64]:
+        """Length, m."""
+    @property
+    def width_m(self) -> NDArray[np.float64]:
+        """Width, m."""
+    @property
+    def lane(self) -> NDArray[np.int64]:
+        """The lane it is in, or leaves."""
+    @property
+    def target_lane(self) -> NDArray[np.int64]:
+        """The lane it changes into; ``lane`` when it keeps."""
+    def snapshot(self) -> bytes:
+        """The world between two steps, to be gone on from with the same bits, here or in another process."""
+    def restore(self, snapshot: bytes) -> None:
+        """Goes on from a world that was stored by one with steps of the same length.
+
+        Raises:
+            SnapshotError: it is no snapshot of a world, or damaged.
+        """
+    def digest(self) -> int:
+        """A digest of the whole state: equal states have equal digests."""
+    def _step(self, steps: int) -> tuple[int, int, tuple[int, str, bool] | None]: ...
+    def _step_with(self, ego: tuple[list[float], int]) -> tuple[int, int, tuple[int, str, bool] | None]: ...
+    def _place(self, ego: tuple[list[float], int]) -> None: ...
+
+def idm(arrays: Sequence[NDArray[np.float64]], out: NDArray[np.float64]) -> None:
+    """The IDM's acceleration at every place of ``out``."""
+
+def safe_gap(arrays: Sequence[NDArray[np.float64]], out: NDArray[np.float64]) -> None:
+    """The smallest safe gap at every place of ``out``."""
+
+def safe_speed(arrays: Sequence[NDArray[np.float64]], out: NDArray[np.float64]) -> None:
+    """The largest safe speed at every place of ``out``."""
 
 @final
 class VectorCore:

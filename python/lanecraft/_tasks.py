@@ -28,9 +28,7 @@ def make_task(
     return Task(preset, *checked_scene(config, scenario), seat, masked_actions, units)
 
 
-def checked_scene(
-    config: Mapping[str, Any] | None, scenario: str | PathLike[str] | None
-) -> tuple[dict[str, Any], str | None]:
+def checked_scene(config: Mapping[str, Any] | None, scenario: str | PathLike[str] | None) -> tuple[dict[str, Any], str | None]:
     if config is not None and not isinstance(config, Mapping):
         raise TypeError(f"config is a mapping of keys to values, not {type(config).__name__}")
     return dict(config or {}), None if scenario is None else fspath(scenario)

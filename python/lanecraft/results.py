@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Mapping
 from functools import cached_property
+from importlib import import_module
 from os import PathLike
 from typing import Any, NamedTuple
 
@@ -67,7 +68,7 @@ class Results:
             ImportError: pandas is not installed; it comes with ``pip install lanecraft[frames]``.
         """
         try:
-            import pandas
+            pandas = import_module("pandas")
         except ImportError as error:
             raise ImportError("to_pandas needs pandas: pip install 'lanecraft[frames]'") from error
         if episodes:

@@ -40,11 +40,11 @@ impl ResultsCore {
     }
 
     /// The first policy against each of the others: names, lead with its interval, and in words.
-    fn comparisons(&self) -> PyResult<Vec<(String, String, [f64; 3], String)>> {
+    fn comparisons(&self) -> PyResult<Vec<(String, String, (f64, f64, f64), String)>> {
         let all = compare(&self.policies).map_err(stats)?;
         let parts = all.into_iter().map(|one| {
             let (lead, words) = (one.lead, one.to_string());
-            (one.policy, one.other, [lead.mean, lead.low, lead.high], words)
+            (one.policy, one.other, (lead.mean, lead.low, lead.high), words)
         });
         Ok(parts.collect())
     }
