@@ -57,7 +57,8 @@ class Policy(PolicyCore):
         shape, actions = self.observation_shape, self.actions
         if shape is None or actions is None:
             raise TypeError(f"{self.name} needs the environment: use `act`")
-        observations = _tasks.checked_reals("observation", observation).astype(np.float32)
+        with np.errstate(over="ignore"):  # what does not fit is refused with what is not finite
+            observations = _tasks.checked_reals("observation", observation).astype(np.float32)
         many = observations.ndim == len(shape) + 1
         if observations.shape[many:] != tuple(shape):
             raise ActionError(f"observations have shape {observations.shape}, but must have {tuple(shape)}, or one axis more in front")

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from . import _lanecraft, _tasks
 from ._lanecraft import PolicyCore, ResultsCore
+from .errors import ConfigError
 from .policies import load
 
 __all__ = ["Comparison", "Results", "evaluate"]
@@ -132,7 +133,10 @@ def evaluate(
         if value is not None:
             overlay[key] = _tasks.checked_whole(key, value, 0, 2**63 - 1)
     threads = _tasks.checked_whole("threads", threads, 0, 1024)
-    return Results(_lanecraft.evaluate(_named(policies), (preset, overlay, scenario), masked_actions, threads))
+    named = _named(policies)
+    if not named:
+        raise ConfigError("there is no policy to evaluate")
+    return Results(_lanecraft.evaluate(named, (preset, overlay, scenario), masked_actions, threads))
 
 
 def _named(policies: Any) -> list[tuple[str, Any]]:

@@ -125,6 +125,7 @@ def test_frames_have_a_row_for_each_policy_or_episode():
     [
         ({"policies": None}, TypeError),
         ({"policies": [3]}, TypeError),
+        ({"policies": []}, lanecraft.ConfigError),
         ({"policies": ["rule:nobody"]}, lanecraft.ConfigError),
         ({"episodes": 1}, lanecraft.ConfigError),
         ({"episodes": 2**70}, lanecraft.ConfigError),

@@ -140,3 +140,20 @@ impl Pilot {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use lanecraft_drive::decide::ActionMask;
+    use lanecraft_learn::{Actor, Learner, LearnerConfig};
+
+    use super::vote;
+
+    #[test]
+    fn a_network_goes_on_with_a_lane_change_and_votes_else() {
+        let learner = Learner::new(&LearnerConfig::default(), 3, 5, 1).expect("valid");
+        let mut actor = Actor::new(learner.policy());
+        assert_eq!(vote(&mut actor, &[0.0; 3], ActionMask(0b110_0000)), Ok(5));
+        assert_eq!(vote(&mut actor, &[0.0; 3], ActionMask(0b1000)), Ok(3));
+        assert!(vote(&mut actor, &[0.0; 3], ActionMask(0)).is_err());
+    }
+}
