@@ -124,6 +124,7 @@ def evaluate(
         ConfigError: a name, key or value that does not exist or is out of range, or runs whose scenarios differ.
         ActionError: an action that does not exist, or is forbidden with ``masked_actions="raise"``.
 
+    >>> import lanecraft
     >>> results = lanecraft.evaluate(["rule:best-lane", "rule:keep-lane"], episodes=2, config={"evaluation.episode_s": 5})
     >>> [row["policy"] for row in results.rows]
     ['rule:best-lane', 'rule:keep-lane']
