@@ -21,6 +21,9 @@ use crate::errors::{self, ActionError, ConfigError};
 use crate::policy::PolicyCore;
 use crate::task;
 
+/// The first policy against another: names, lead with the ends of its interval, and in words.
+type Comparison = (String, String, (f64, f64, f64), String);
+
 /// The episodes of an evaluation; the engine of `lanecraft.Results`.
 #[pyclass(frozen, module = "lanecraft._lanecraft")]
 pub(crate) struct ResultsCore {
@@ -39,8 +42,8 @@ impl ResultsCore {
         self.policies.iter().flat_map(|of| &of.episodes).map(json).collect()
     }
 
-    /// The first policy against each of the others: names, lead with its interval, and in words.
-    fn comparisons(&self) -> PyResult<Vec<(String, String, (f64, f64, f64), String)>> {
+    /// The first policy against each of the others.
+    fn comparisons(&self) -> PyResult<Vec<Comparison>> {
         let all = compare(&self.policies).map_err(stats)?;
         let parts = all.into_iter().map(|one| {
             let (lead, words) = (one.lead, one.to_string());

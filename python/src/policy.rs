@@ -8,7 +8,7 @@ use lanecraft_lab::pairing::Entrant;
 use lanecraft_lab::policy::{Pilot, Policy, vote};
 use lanecraft_lab::runs::read_config;
 use lanecraft_learn::Actor;
-use numpy::{PyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 
@@ -63,17 +63,17 @@ impl PolicyCore {
     fn _predict<'py>(
         &self,
         py: Python<'py>,
-        observations: PyReadonlyArray2<'py, f32>,
-        masks: PyReadonlyArray2<'py, bool>,
+        observations: &Bound<'py, PyArray2<f32>>,
+        masks: &Bound<'py, PyArray2<bool>>,
     ) -> PyResult<Bound<'py, PyArray1<i64>>> {
         let mut actor = Actor::new(self.network()?.clone());
-        let rows = observations.as_array();
+        let (rows, masks) = (observations.try_readonly()?, masks.try_readonly()?);
+        let (rows, masks) = (rows.as_array(), masks.as_array());
         let act = |(row, allowed): (numpy::ndarray::ArrayView1<'_, f32>, numpy::ndarray::ArrayView1<'_, bool>)| {
             let set = allowed.iter().enumerate().filter(|(_, allowed)| **allowed);
             let mask = set.fold(ActionMask::default(), |mask, (action, _)| mask.with(action));
             vote(&mut actor, &row.to_vec(), mask).map(|action| action as i64)
         };
-        let masks = masks.as_array();
         let actions: Result<Vec<_>, _> = rows.rows().into_iter().zip(masks.rows()).map(act).collect();
         let actions = actions.map_err(|error| ActionError::new_err(errors::message(&error)))?;
         Ok(PyArray1::from_vec(py, actions))

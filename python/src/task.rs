@@ -36,19 +36,16 @@ impl Task {
         let masked = named("value of masked_actions", masked_actions, &MaskedActions::NAMES)?;
         let units = named("value of units", units, &Units::NAMES)?;
         let seat = named("seat", seat, &Seat::NAMES)?;
-        let inner = match named("preset", preset, &PRESETS)? {
-            None => {
-                if scenario.is_some() || seat != Seat::Decide {
-                    let text = "the preset `fast` has its own traffic and the seat `decide` alone";
-                    return Err(ConfigError::new_err(text));
-                }
-                let config = resolve_kinematic(&values(config, None)?).map_err(|error| errors::config(&error))?;
-                gym::Task::kinematic(Arc::new(config), masked)
+        let inner = if named("preset", preset, &PRESETS)?.is_some() {
+            let run = resolved(preset, config, scenario)?;
+            gym::Task::drive(Arc::new(run.environment), seat, masked, units)
+        } else {
+            if scenario.is_some() || seat != Seat::Decide {
+                let text = "the preset `fast` has its own traffic and the seat `decide` alone";
+                return Err(ConfigError::new_err(text));
             }
-            Some(_) => {
-                let run = resolved(preset, config, scenario)?;
-                gym::Task::drive(Arc::new(run.environment), seat, masked, units)
-            }
+            let config = resolve_kinematic(&values(config, None)?).map_err(|error| errors::config(&error))?;
+            gym::Task::kinematic(Arc::new(config), masked)
         };
         Ok(Self { inner: Arc::new(inner.map_err(|error| errors::config(&error))?) })
     }

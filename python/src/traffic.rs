@@ -225,6 +225,7 @@ const BRAKING: (f64, f64) = (1e-3, 1e3);
 
 /// The IDM's acceleration at every place of `out`.
 #[pyfunction]
+#[expect(clippy::needless_pass_by_value, reason = "arguments from Python are handed over")]
 pub(crate) fn idm(arrays: [PyReadonlyArrayDyn<'_, f64>; 8], out: PyReadwriteArrayDyn<'_, f64>) -> PyResult<()> {
     let ranges = [
         ("gap_m", 0.0, f64::INFINITY),
@@ -250,6 +251,7 @@ pub(crate) fn idm(arrays: [PyReadonlyArrayDyn<'_, f64>; 8], out: PyReadwriteArra
 
 /// The smallest safe gap at every place of `out`.
 #[pyfunction]
+#[expect(clippy::needless_pass_by_value, reason = "arguments from Python are handed over")]
 pub(crate) fn safe_gap(arrays: [PyReadonlyArrayDyn<'_, f64>; 5], out: PyReadwriteArrayDyn<'_, f64>) -> PyResult<()> {
     let speed = ("speed_mps", SPEED.0, SPEED.1);
     everywhere(&arrays, &with_limits(speed), out, |[speed, leader_speed, own, leader, margin]| {
@@ -259,6 +261,7 @@ pub(crate) fn safe_gap(arrays: [PyReadonlyArrayDyn<'_, f64>; 5], out: PyReadwrit
 
 /// The largest safe speed at every place of `out`.
 #[pyfunction]
+#[expect(clippy::needless_pass_by_value, reason = "arguments from Python are handed over")]
 pub(crate) fn safe_speed(arrays: [PyReadonlyArrayDyn<'_, f64>; 5], out: PyReadwriteArrayDyn<'_, f64>) -> PyResult<()> {
     let gap = ("gap_m", 0.0, f64::INFINITY);
     everywhere(&arrays, &with_limits(gap), out, |[gap, leader_speed, own, leader, margin]| {
