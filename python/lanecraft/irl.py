@@ -9,7 +9,8 @@ Example:
     >>> rng = np.random.default_rng(0)
     >>> features = rng.normal(size=(500, 8, 3))                          # events × candidates × features
     >>> chosen = np.argmax(features @ [1.0, -2.0, 0.5] + rng.gumbel(size=(500, 8)), axis=1)
-    >>> irl.fit(irl.Choices.from_arrays(features, chosen)).weights
+    >>> irl.fit(irl.Choices.from_arrays(features, chosen)).weights.round(1).tolist()
+    [0.9, -2.0, 0.5]
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from ._lanecraft import IrlCore
 from .errors import ConfigError
 
 __all__ = ["Choices", "Fit", "Judgment", "fit", "leave_one_group_out"]
+
+MAX_FEATURES = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +53,8 @@ class Choices:
 
     def __post_init__(self) -> None:
         features = np.ascontiguousarray(_arrays.numbers("features", self.features))
-        if features.ndim != 2 or features.shape[1] == 0:
-            raise ConfigError(f"`features` has shape {features.shape}, but must have (candidates, features)")
+        if features.ndim != 2 or not 1 <= features.shape[1] <= MAX_FEATURES:
+            raise ConfigError(f"`features` has shape {features.shape}, but must have (candidates, 1 to {MAX_FEATURES} features)")
         counts = _arrays.indices("counts", self.counts, int(np.size(np.asarray(self.counts))))
         chosen = _arrays.indices("chosen", self.chosen, len(counts))
         if len(counts) == 0 or (counts < 1).any() or int(counts.sum()) != len(features):
@@ -132,7 +135,7 @@ class Choices:
             chosen: the column that is true (or 1) at the one candidate of each event that was chosen.
             group: the column of groups, the same at all candidates of an event.
         """
-        import pandas
+        import pandas  # pyright: ignore[reportMissingImports]
 
         if not isinstance(frame, pandas.DataFrame):
             raise TypeError(f"`frame` is a pandas.DataFrame, not {type(frame).__name__}")

@@ -6,7 +6,8 @@ Example:
     >>> scene = Scene(Ego(speed_mps=28.0, d_m=3.5), Neighbors(ahead_m=[40.0], speed_mps=[22.0], lane=[1]))
     >>> speed = LongitudinalController().plan(scene)
     >>> steer = LateralController().plan(scene, d_m=3.75, speeds_mps=speed.speeds_mps)
-    >>> speed.accel_mps2, steer.steer_rad, steer.rung
+    >>> round(speed.accel_mps2, 3), round(steer.steer_rad, 4), steer.rung
+    (-1.19, 0.033, 'solved')
 """
 
 from __future__ import annotations

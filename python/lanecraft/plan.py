@@ -6,6 +6,7 @@ Example:
     >>> scene = Scene(Ego(speed_mps=28.0, d_m=3.75), Neighbors(ahead_m=[45.0], speed_mps=[22.0], lane=[1]))
     >>> outcome = Planner().plan(scene, "left")
     >>> outcome.path.duration_s if outcome else outcome.refusal.words
+    2.5
 """
 
 from __future__ import annotations
@@ -171,9 +172,10 @@ class Planner:
         """The lane change to ``side`` (``"left"`` or ``"right"``), or why there is none."""
         name = _arrays.text("side", side)
         found, refused = self._core.plan(packed(scene, self._parts.lane_width_m), name)
-        if found is None or refused is not None:
-            refusal = Refusal(*(refused or ("", "")))
-            return LaneChange(name, refusal, None, None, None, (), np.empty((0, len(FEATURE_NAMES))), np.empty(0), None)
+        if refused is not None:
+            nothing = np.empty((0, len(FEATURE_NAMES))), np.empty(0)
+            return LaneChange(name, Refusal(*refused), None, None, None, (), *nothing, None)
+        assert found is not None
         (from_lane, to_lane, shortest_s, longest_s), (paths, features, rewards, chosen) = found
         candidates = tuple(Quintic(tuple(row[:6]), row[6]) for row in paths.tolist())  # type: ignore[arg-type]
         return LaneChange(name, None, from_lane, to_lane, (shortest_s, longest_s), candidates, features, rewards, chosen)

@@ -34,6 +34,8 @@ MAX_HORIZON = 256
 MAX_STATES = 8
 MAX_ROWS = 8
 
+_UNBOUNDED = {"input_min", "input_max", "row_lower", "row_upper"}
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -121,36 +123,42 @@ class Problem:
             raise ConfigError(f"`row_state` has shape {rows.shape}, but must have (m, n) or (N, m, n) with m in 0..={MAX_ROWS}")
         m = rows.shape[-2]
 
-        def real(name: str, values: Any, *shape: int) -> Floats:
-            return _arrays.shaped(name, values, shape)
+        given: dict[str, ArrayLike] = {
+            "initial_state": start,
+            "a": a,
+            "b": b,
+            "c": c,
+            "state_weight": state_weight,
+            "state_reference": state_reference,
+            "input_weight": input_weight,
+            "input_reference": input_reference,
+            "terminal_weight": terminal_weight,
+            "row_state": rows,
+            "row_input": row_input,
+            "row_lower": row_lower,
+            "row_upper": row_upper,
+            "row_l1_weight": row_l1_weight,
+            "row_l2_weight": row_l2_weight,
+        }
+        shapes = _shapes(steps, n, m)
+        arrays = {name: _arrays.shaped(name, values, shapes[name], finite=name not in _UNBOUNDED) for name, values in given.items()}
+        return cls(**arrays, input_min=input_min, input_max=input_max)
 
-        def bound(name: str, values: Any) -> Floats:
-            return _arrays.shaped(name, values, (steps, m), finite=False)
-
-        return cls(
-            initial_state=start,
-            a=real("a", a, steps, n, n),
-            b=real("b", b, steps, n),
-            c=real("c", c, steps, n),
-            state_weight=real("state_weight", state_weight, steps, n),
-            state_reference=real("state_reference", state_reference, steps, n),
-            input_weight=real("input_weight", input_weight, steps),
-            input_reference=real("input_reference", input_reference, steps),
-            input_min=float(_arrays.shaped("input_min", input_min, (), finite=False)),
-            input_max=float(_arrays.shaped("input_max", input_max, (), finite=False)),
-            terminal_weight=real("terminal_weight", terminal_weight, n, n),
-            row_state=real("row_state", rows, steps, m, n),
-            row_input=real("row_input", row_input, steps, m),
-            row_lower=bound("row_lower", row_lower),
-            row_upper=bound("row_upper", row_upper),
-            row_l1_weight=real("row_l1_weight", row_l1_weight, steps, m),
-            row_l2_weight=real("row_l2_weight", row_l2_weight, steps, m),
-        )
+    def __post_init__(self) -> None:
+        for name, values in vars(self).items():
+            object.__setattr__(self, name, _arrays.numbers(name, values, finite=name not in _UNBOUNDED))
+        if self.b.ndim != 2 or self.row_input.ndim != 2:
+            raise ConfigError(f"`b` and `row_input` have shapes {self.b.shape} and {self.row_input.shape}, but must have (N, n) and (N, m)")
+        for name, shape in _shapes(*self.size).items():
+            if getattr(self, name).shape != shape:
+                raise ConfigError(f"`{name}` has shape {getattr(self, name).shape}, but must have {shape}")
+        for name in ("input_min", "input_max"):
+            object.__setattr__(self, name, float(getattr(self, name)))
 
     @property
     def size(self) -> tuple[int, int, int]:
         """Horizon N, states n, rows m."""
-        return (*np.shape(self.b), np.shape(self.row_input)[-1])  # type: ignore[return-value]
+        return self.b.shape[0], self.b.shape[1], self.row_input.shape[1]
 
     def states(self, inputs: ArrayLike) -> Floats:
         """x_0 … x_N under these inputs, shape (N + 1, n)."""
@@ -175,6 +183,28 @@ class Problem:
             + 0.5 * error[-1] @ self.terminal_weight @ error[-1]
             + np.sum(self.row_l1_weight * slack + 0.5 * self.row_l2_weight * slack**2)
         )
+
+
+def _shapes(horizon: int, n: int, m: int) -> dict[str, tuple[int, ...]]:
+    return {
+        "initial_state": (n,),
+        "a": (horizon, n, n),
+        "b": (horizon, n),
+        "c": (horizon, n),
+        "state_weight": (horizon, n),
+        "state_reference": (horizon, n),
+        "input_weight": (horizon,),
+        "input_reference": (horizon,),
+        "input_min": (),
+        "input_max": (),
+        "terminal_weight": (n, n),
+        "row_state": (horizon, m, n),
+        "row_input": (horizon, m),
+        "row_lower": (horizon, m),
+        "row_upper": (horizon, m),
+        "row_l1_weight": (horizon, m),
+        "row_l2_weight": (horizon, m),
+    }
 
 
 class ActiveRow(NamedTuple):
@@ -249,6 +279,8 @@ class Solver:
         """
         if not isinstance(problem, Problem):
             raise TypeError(f"`problem` is a lanecraft.qp.Problem, not {type(problem).__name__}")
+        if not isinstance(warm, (bool, np.bool_)):
+            raise TypeError(f"`warm` is true or false, not {type(warm).__name__}")
         stages = _arrays.whole("shift", shift, 0, MAX_HORIZON)
         steps = None if step_limit is None else _arrays.whole("step_limit", step_limit, 0, 2**63 - 1)
         core = self._sized(problem.size)

@@ -1,6 +1,6 @@
 //! Fits of a maximum-entropy reward.
 
-use lanecraft_learn::irl::{CandidateSet, IrlConfig, IrlError, IrlVerdict, fit};
+use lanecraft_learn::irl::{CandidateSet, IrlConfig, IrlVerdict, fit};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -36,15 +36,11 @@ impl IrlCore {
         chosen: PyReadonlyArray1<'_, i64>,
     ) -> PyResult<Fitted> {
         let events = events(&features, &counts, &chosen)?;
-        let found = py.detach(|| fit(&events, &self.config)).map_err(|error| refused(&error))?;
+        let found = py.detach(|| fit(&events, &self.config)).map_err(|error| errors::config(&error))?;
         let likelihoods = (found.log_likelihood_per_event, found.uniform_log_likelihood_per_event);
         let converged = found.verdict == IrlVerdict::Converged;
         Ok((found.normalized_weights, found.weights, likelihoods, found.gradient_norm, found.iterations, converged))
     }
-}
-
-fn refused(error: &IrlError) -> PyErr {
-    errors::config(error)
 }
 
 fn events(

@@ -3,7 +3,7 @@
 //! Users never see these classes: the package wraps them (`lanecraft/env.py`, `lanecraft/vector.py`), and its stubs
 //! (`lanecraft/_lanecraft.pyi`) document them.
 
-#![allow(clippy::needless_pass_by_value, reason = "arguments of Python come by value")]
+#![expect(clippy::needless_pass_by_value, reason = "arrays of Python can be arguments by value alone")]
 
 mod env;
 mod errors;

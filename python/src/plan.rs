@@ -17,8 +17,8 @@ type WindowParts = (u8, u8, f64, f64);
 type Motion<'py> =
     (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
 
-/// A refusal: its name, and in words.
-type Refused = (&'static str, String);
+/// The window and its candidates, or the refusal: its name, and in words.
+type Outcome<'py> = (Option<(WindowParts, Candidates<'py>)>, Option<(&'static str, String)>);
 
 /// The planner of a configuration.
 #[pyclass(frozen, module = "lanecraft._lanecraft")]
@@ -37,12 +37,7 @@ impl PlannerCore {
     }
 
     /// The window of one side and its candidates; or the refusal.
-    fn plan<'py>(
-        &self,
-        py: Python<'py>,
-        scene: &Bound<'py, PyAny>,
-        side: &str,
-    ) -> PyResult<(Option<(WindowParts, Candidates<'py>)>, Option<Refused>)> {
+    fn plan<'py>(&self, py: Python<'py>, scene: &Bound<'py, PyAny>, side: &str) -> PyResult<Outcome<'py>> {
         let side = named("side", side, &[("left", Side::Left), ("right", Side::Right)])?;
         let (scene, forecast) = self.parts.get().scene(scene)?;
         let found = py.detach(|| {

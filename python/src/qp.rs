@@ -2,13 +2,13 @@
 //! that stay 0 and rows without bounds, which change nothing.
 
 use lanecraft_qp::{
-    ActiveRow, Constraint, InvalidInput, Problem, Row, Side, Solver, Start, Status, Verdict, infinite_horizon_weight,
-    zero_order_hold,
+    ActiveRow, Constraint, Problem, Row, Side, Solver, Start, Status, Verdict, infinite_horizon_weight, zero_order_hold,
 };
+use numpy::ndarray::s;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 
-use crate::errors::ConfigError;
+use crate::errors::{self, ConfigError};
 use crate::parts::shaped;
 
 /// Largest sizes: memory grows with the square of horizon × (rows + 1).
@@ -27,6 +27,9 @@ type Answer<'py> = (
 );
 /// Stage, row (none: the input), whether it is the upper bound, multiplier, slack.
 type ActiveParts = (usize, Option<usize>, bool, f64, f64);
+
+/// Two matrices.
+type Matrices<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
 
 /// What `lanecraft.qp.Problem` holds: horizon N, n states, m rows.
 #[derive(FromPyObject)]
@@ -109,7 +112,7 @@ impl<const NX: usize, const NS: usize> Engine for Fixed<NX, NS> {
         }
         for (k, stage) in problem.stages.iter_mut().enumerate() {
             for (i, line) in stage.a.iter_mut().enumerate().take(arrays.a.as_array().shape()[1]) {
-                copy(line, arrays.a.as_array().slice(numpy::ndarray::s![k, i, ..]));
+                copy(line, arrays.a.as_array().slice(s![k, i, ..]));
             }
             copy(&mut stage.b, arrays.b.as_array().row(k));
             copy(&mut stage.c, arrays.c.as_array().row(k));
@@ -126,7 +129,7 @@ impl<const NX: usize, const NS: usize> Engine for Fixed<NX, NS> {
                     l1_weight: arrays.row_l1_weight.as_array()[[k, i]],
                     l2_weight: arrays.row_l2_weight.as_array()[[k, i]],
                 };
-                copy(&mut row.state, arrays.row_state.as_array().slice(numpy::ndarray::s![k, i, ..]));
+                copy(&mut row.state, arrays.row_state.as_array().slice(s![k, i, ..]));
             }
         }
     }
@@ -163,7 +166,7 @@ impl<const NX: usize, const NS: usize> Engine for Fixed<NX, NS> {
 }
 
 /// The numbers of `from` into the first places of `to`.
-fn copy(to: &mut [f64], from: numpy::ndarray::ArrayView1<'_, f64>) {
+fn copy<'a>(to: &mut [f64], from: impl IntoIterator<Item = &'a f64>) {
     for (to, from) in to.iter_mut().zip(from) {
         *to = *from;
     }
@@ -227,7 +230,7 @@ impl QpCore {
             Status::Solved => "solved",
             Status::IterationLimit => "iteration-limit",
             Status::OutOfTime => "step-limit",
-            Status::InvalidInput(error) => return Err(refused(error)),
+            Status::InvalidInput(error) => return Err(errors::config(&error)),
         };
         let numbers = (verdict.iterations, verdict.slack_max, verdict.kkt_residual);
         let active = engine.active().iter().map(active_parts).collect();
@@ -251,10 +254,6 @@ fn active_parts(row: &ActiveRow) -> ActiveParts {
     (row.stage, index, row.side == Side::Upper, row.multiplier, row.slack)
 }
 
-fn refused(error: InvalidInput) -> PyErr {
-    crate::errors::config(&error)
-}
-
 /// (Φ, Γ) of x' = A x + B u under an input that is held for `dt_s`: n × n and n × m.
 #[pyfunction]
 pub(crate) fn qp_zero_order_hold<'py>(
@@ -262,7 +261,7 @@ pub(crate) fn qp_zero_order_hold<'py>(
     a: PyReadonlyArray2<'py, f64>,
     b: PyReadonlyArray2<'py, f64>,
     dt_s: f64,
-) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+) -> PyResult<Matrices<'py>> {
     let (n, m) = (a.as_array().shape()[0].min(MAX_STATES), b.as_array().shape()[1].min(MAX_STATES));
     shaped("a", &a.as_array(), &[n, n])?;
     shaped("b", &b.as_array(), &[n, m])?;

@@ -1,9 +1,11 @@
 """The two controllers alone."""
 
+import doctest
+
 import numpy as np
 import pytest
 
-from lanecraft import ConfigError
+from lanecraft import ConfigError, mpc
 from lanecraft.mpc import LateralController, LongitudinalController
 from lanecraft.plan import Quintic
 from lanecraft.scene import Ego, Neighbors, Scene
@@ -148,3 +150,7 @@ def test_one_reference_is_asked_for():
         LateralController().plan(Scene(MIDDLE), d_m=3.75, path=Quintic.between((0, 0, 0), 1.0, 2.0))
     with pytest.raises(ConfigError, match="did you mean"):
         LongitudinalController({"control.jerk_max": 3.0})
+
+
+def test_the_examples_are_true():
+    assert doctest.testmod(mpc, optionflags=doctest.ELLIPSIS).failed == 0

@@ -1,9 +1,11 @@
 """Polynomials, candidates and the planner alone."""
 
+import doctest
+
 import numpy as np
 import pytest
 
-from lanecraft import ConfigError
+from lanecraft import ConfigError, plan
 from lanecraft.plan import FEATURE_NAMES, Planner, Quintic
 from lanecraft.scene import Ego, Neighbors, Scene
 
@@ -137,3 +139,7 @@ def test_bad_names_and_lanes_are_refused():
         Planner(3)
     with pytest.raises(TypeError):
         Planner().plan("scene", "left")
+
+
+def test_the_examples_are_true():
+    assert doctest.testmod(plan, optionflags=doctest.ELLIPSIS).failed == 0

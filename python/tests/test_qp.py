@@ -1,5 +1,7 @@
 """The quadratic programs, against the optimality conditions solved densely."""
 
+import doctest
+
 import numpy as np
 import pytest
 
@@ -153,10 +155,12 @@ def test_bad_sizes_and_ranges_are_refused():
         with pytest.raises(ConfigError):
             solver.solve(qp.Problem.make(4, **{**good, **change}))
     made = qp.Problem.make(4, **good)
-    with pytest.raises(ConfigError, match="shape"):
-        solver.solve(qp.Problem(**{**vars(made), "a": np.ones((4, 2, 2))}))
+    for wrong in (np.ones((4, 2, 2)), 1.0, []):
+        for key in ("a", "b", "row_input", "input_min"):
+            with pytest.raises(ConfigError, match="shape"):
+                qp.Problem(**{**vars(made), key: wrong if key != "input_min" else [0.0]})
     with pytest.raises(TypeError):
-        solver.solve(qp.Problem(**{**vars(made), "a": None}))
+        qp.Problem(**{**vars(made), "a": None})
     with pytest.raises(TypeError):
         solver.solve(None)
     assert solver.solve(made).solved
@@ -168,3 +172,14 @@ def test_arrays_of_any_kind_are_read():
     weights = np.ones((4, 4), dtype=np.float32)[:, ::-2]
     made = qp.Problem.make(4, initial_state=np.array([1, 0]), a=a, b=[0, 1], state_weight=weights)
     assert qp.Solver().solve(made).solved
+
+
+def test_numbers_beyond_all_scales_end_without_a_claim():
+    for size in (1e100, 1e200, 1e300):
+        made = qp.Problem.make(4, initial_state=[size, -size], a=size * np.ones((2, 2)), b=[size, 1.0], state_weight=size, input_max=1.0)
+        solution = qp.Solver().solve(made)
+        assert not solution.solved and np.isfinite(solution.inputs).all() and (solution.inputs <= 1.0).all()
+
+
+def test_the_examples_are_true():
+    assert doctest.testmod(qp, optionflags=doctest.ELLIPSIS).failed == 0
