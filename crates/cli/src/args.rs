@@ -148,6 +148,16 @@ pub(crate) fn folder(text: &str) -> Result<PathBuf, String> {
     Err(format!("{what}{}", neighbor(&path, Path::is_dir)))
 }
 
+/// A file or a folder that exists.
+pub(crate) fn file_or_folder(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.exists() {
+        Ok(path)
+    } else {
+        Err(format!("there is nothing of this name{}", neighbor(&path, Path::exists)))
+    }
+}
+
 /// A file that exists.
 pub(crate) fn file(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);

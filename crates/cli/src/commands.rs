@@ -47,7 +47,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<()> {
     let output = Output::new(cli.quiet);
     match cli.command {
         Command::Quickstart(command) => command.run(output),
-        Command::Irl(irl::Irl::Fit(command)) => command.run(output),
+        Command::Irl(command) => command.run(output),
         Command::Train(command) => command.run(output),
         Command::Evaluate(command) => command.run(output),
         Command::Report(command) => command.run(output),

@@ -66,6 +66,16 @@ pub enum ConfigError {
         /// The file.
         name: String,
     },
+    /// Names of which one is not known or stands twice, or none at all.
+    #[error("`{key}` is {found:?}, but must be some of {known:?}, none of them twice")]
+    BadNames {
+        /// Dotted key.
+        key: &'static str,
+        /// The names given.
+        found: Vec<String>,
+        /// The names there are.
+        known: &'static [&'static str],
+    },
     /// A text that is no scenario.
     #[error("`{key}` is no scenario: {message}")]
     BadScenario {
@@ -83,6 +93,7 @@ impl ConfigError {
             Self::OutOfRange { key, .. }
             | Self::NotAMultiple { key, .. }
             | Self::WrongLength { key, .. }
+            | Self::BadNames { key, .. }
             | Self::BadScenario { key, .. }
             | Self::NotLoaded { key, .. }
             | Self::Reversed { low_key: key, .. } => key,

@@ -3,6 +3,7 @@
 //! A timed part is repeated for a second in all; rates are of one core unless the name says otherwise.
 
 mod kinematic;
+mod planner;
 mod traffic;
 
 use std::hint::black_box;
@@ -74,6 +75,8 @@ pub enum Group {
     Env,
     /// The fast environment.
     Kinematic,
+    /// The planner, and the fit of a reward.
+    Planner,
     /// The learner.
     Learner,
     /// The recurrent network.
@@ -86,10 +89,18 @@ pub enum Group {
 
 impl Group {
     /// All groups.
-    pub const ALL: [Self; 7] =
-        [Self::Traffic, Self::Env, Self::Kinematic, Self::Learner, Self::Lstm, Self::Policies, Self::BestLane];
+    pub const ALL: [Self; 8] = [
+        Self::Traffic,
+        Self::Env,
+        Self::Kinematic,
+        Self::Planner,
+        Self::Learner,
+        Self::Lstm,
+        Self::Policies,
+        Self::BestLane,
+    ];
     /// Those that are done in seconds.
-    pub const SHORT: [Self; 5] = [Self::Traffic, Self::Env, Self::Kinematic, Self::Learner, Self::Lstm];
+    pub const SHORT: [Self; 6] = [Self::Traffic, Self::Env, Self::Kinematic, Self::Planner, Self::Learner, Self::Lstm];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -97,6 +108,7 @@ impl Group {
             Self::Traffic => "traffic",
             Self::Env => "env",
             Self::Kinematic => "kinematic",
+            Self::Planner => "planner",
             Self::Learner => "learner",
             Self::Lstm => "lstm",
             Self::Policies => "policies",
@@ -110,6 +122,7 @@ impl Group {
             Self::Traffic => traffic::run(config, found),
             Self::Env => env(config, found),
             Self::Kinematic => kinematic::run(found),
+            Self::Planner => planner::run(config, found),
             Self::Learner => learner(config, found),
             Self::Lstm => lstm(found),
             Self::Policies => policies(config, found),

@@ -23,6 +23,7 @@ pub use overlay::nearest;
 
 use overlay::Overlay;
 
+use crate::candidates::CandidateConfig;
 use crate::predictor::PredictorConfig;
 
 /// A named complete configuration.
@@ -164,6 +165,8 @@ impl EvaluationConfig {
 pub struct RunConfig {
     /// The sections of the environment: `[env]`, `[road]`, `[traffic]`, …
     pub environment: EnvironmentConfig,
+    /// Section `[candidates]`.
+    pub candidates: CandidateConfig,
     /// Section `[irl]`.
     pub irl: IrlConfig,
     /// Section `[predictor]`.
@@ -180,6 +183,7 @@ pub struct RunConfig {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct LabSections {
+    candidates: CandidateConfig,
     irl: IrlConfig,
     predictor: PredictorConfig,
     learner: LearnerConfig,
@@ -188,7 +192,7 @@ struct LabSections {
 }
 
 impl LabSections {
-    const NAMES: [&'static str; 5] = ["irl", "predictor", "learner", "training", "evaluation"];
+    const NAMES: [&'static str; 6] = ["candidates", "irl", "predictor", "learner", "training", "evaluation"];
 }
 
 /// The fast environment, laid over by `values`, whose keys may be nested or dotted, checked and validated.
@@ -255,6 +259,7 @@ impl RunConfig {
     /// Checks every section.
     pub fn validate(&self) -> Result<(), SectionError> {
         self.environment.validate()?;
+        self.candidates.validate()?;
         self.irl.validate()?;
         self.predictor.validate()?;
         self.learner.validate()?;
@@ -264,6 +269,7 @@ impl RunConfig {
 
     fn to_table(&self) -> Table {
         let lab = LabSections {
+            candidates: self.candidates.clone(),
             irl: self.irl.clone(),
             predictor: self.predictor.clone(),
             learner: self.learner.clone(),
@@ -279,8 +285,8 @@ impl RunConfig {
     fn from_table(table: &Table) -> Result<Self, toml::de::Error> {
         let (lab, environment): (Table, Table) =
             table.clone().into_iter().partition(|(section, _)| LabSections::NAMES.contains(&section.as_str()));
-        let LabSections { irl, predictor, learner, training, evaluation } = lab.try_into()?;
-        Ok(Self { environment: environment.try_into()?, irl, predictor, learner, training, evaluation })
+        let LabSections { candidates, irl, predictor, learner, training, evaluation } = lab.try_into()?;
+        Ok(Self { environment: environment.try_into()?, candidates, irl, predictor, learner, training, evaluation })
     }
 
     fn validated(overlay: &Overlay) -> Result<Self, ConfigFileError> {

@@ -17,7 +17,7 @@ pub const QUICKSTART_DECISIONS: u64 = 60_000;
 
 /// Learns the human reward and lays it into the planner of `config`.
 pub fn with_human_reward(source: &Source, config: &mut RunConfig) -> Result<IrlReport, HumanRewardError> {
-    let report = learn_human_reward(source, &config.irl)?;
+    let report = learn_human_reward(source, &config.candidates, &config.irl)?;
     let planner = &mut config.environment.planner;
     *planner = planner.clone().with_reward(&report.model);
     Ok(report)

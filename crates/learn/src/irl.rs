@@ -10,7 +10,7 @@
 //! - Features are normalized first; on raw features of different sizes the printed learning rate diverges.
 //! - The objective is concave, so the default is Newton's method with a line search; Algorithm 2's gradient ascent remains.
 //! - A ridge penalty `ridge · ‖ϖ‖²` on the normalized weights keeps them finite where the choices could be explained
-//!   perfectly, and decides between weights that the choices cannot tell apart.
+//!   perfectly, and decides between weights that the choices cannot tell apart. Cross-validation over groups of events chooses it.
 //! - The candidate set contains the choice itself (or the candidate nearest to it), else Ω can be unbounded.
 //!
 //! ```
@@ -24,13 +24,17 @@
 //! ```
 
 mod objective;
+mod problem;
 mod solve;
+mod symmetric;
+
+pub use problem::{Identifiability, Problem, RidgeScore};
 
 use serde::{Deserialize, Serialize};
 
 use crate::ConfigError;
 use crate::config::{above_zero, count};
-use objective::{Objective, log_sum_exp, scores};
+use objective::{log_sum_exp, scores};
 
 /// Sums of squares of features up to this size stay finite.
 const MAX_FEATURE: f64 = 1e100;
@@ -45,6 +49,16 @@ pub enum IrlMethod {
     GradientAscent,
 }
 
+/// Where the ridge comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum RidgeChoice {
+    /// The one given.
+    Fixed,
+    /// The one of several under which groups left out are most likely; the one given where there is a single group.
+    CrossValidation,
+}
+
 /// How features are made comparable; means and deviations are those of all candidates of all sets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -53,6 +67,8 @@ pub enum IrlNormalization {
     ZScore,
     /// Divided by the mean magnitude; with it the printed learning rate converges on about 50 events.
     Mean,
+    /// Left as they come, to the letter of Algorithm 2; on features of different sizes the printed learning rate diverges.
+    None,
 }
 
 /// Settings of a fit.
@@ -63,8 +79,16 @@ pub struct IrlConfig {
     pub method: IrlMethod,
     /// How features are made comparable. Preset `paper`: `mean`; the paper is silent.
     pub normalization: IrlNormalization,
+    /// Where the ridge comes from.
+    pub ridge_choice: RidgeChoice,
     /// Penalty for each unit of squared normalized weight, in units of log-likelihood summed over events. Preset `paper`: 0.
     pub ridge: f64,
+    /// Ridges to choose from by cross-validation, rising.
+    pub ridges: Vec<f64>,
+    /// Folds of the cross-validation, at most one for each group.
+    pub folds: usize,
+    /// Resamplings behind the intervals of the weights.
+    pub bootstrap_replicates: usize,
     /// Iterations of Newton's method at most.
     pub max_iterations: usize,
     /// Norm of the gradient for each event at which a fit has converged.
@@ -80,7 +104,11 @@ impl Default for IrlConfig {
         Self {
             method: IrlMethod::Newton,
             normalization: IrlNormalization::ZScore,
+            ridge_choice: RidgeChoice::Fixed,
             ridge: 0.1,
+            ridges: vec![0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0],
+            folds: 5,
+            bootstrap_replicates: 200,
             max_iterations: 100,
             gradient_tolerance: 1e-6,
             learning_rate: 0.08,
@@ -92,10 +120,16 @@ impl Default for IrlConfig {
 impl IrlConfig {
     /// Checks every setting; NaN is outside every range.
     pub fn validate(&self) -> Result<(), ConfigError> {
+        let refuse = |key, value, allowed: &str| Err(ConfigError { key, value, allowed: allowed.to_owned() });
         if !(0.0..=1e9).contains(&self.ridge) {
-            let (key, value) = ("irl.ridge", self.ridge.to_string());
-            return Err(ConfigError { key, value, allowed: "in 0..=1e9".to_owned() });
+            return refuse("irl.ridge", self.ridge.to_string(), "in 0..=1e9");
         }
+        let rising = self.ridges.windows(2).all(|pair| pair[0] < pair[1]);
+        if self.ridges.is_empty() || !rising || !self.ridges.iter().all(|ridge| (0.0..=1e9).contains(ridge)) {
+            return refuse("irl.ridges", format!("{:?}", self.ridges), "at least one, rising, in 0..=1e9");
+        }
+        count("irl.folds", self.folds, 2, 1000)?;
+        count("irl.bootstrap_replicates", self.bootstrap_replicates, 2, 100_000)?;
         count("irl.max_iterations", self.max_iterations, 1, 100_000)?;
         above_zero("irl.gradient_tolerance", self.gradient_tolerance, 1.0)?;
         above_zero("irl.learning_rate", self.learning_rate, 1e6)?;
@@ -188,6 +222,12 @@ pub struct IrlFit {
     pub normalized_weights: Vec<f64>,
     /// Weights of the features as they came; 0 for a feature that never varies.
     pub weights: Vec<f64>,
+    /// Mean of each feature over all candidates.
+    pub means: Vec<f64>,
+    /// What each feature was divided by; 0 for one that never varies.
+    pub scales: Vec<f64>,
+    /// The penalty used.
+    pub ridge: f64,
     /// Log-likelihood of the choices, the mean over the events, without the penalty.
     pub log_likelihood_per_event: f64,
     /// The same of choices at random, −log of the number of candidates.
@@ -200,35 +240,10 @@ pub struct IrlFit {
     pub verdict: IrlVerdict,
 }
 
-/// Fits weights to the choices of all events.
+/// Fits weights to the choices of all events, each a group of its own.
 pub fn fit(events: &[CandidateSet], config: &IrlConfig) -> Result<IrlFit, IrlError> {
-    config.validate()?;
-    check(events)?;
-    let objective = Objective::new(events, config.normalization, config.ridge);
-    let found = match config.method {
-        IrlMethod::Newton => solve::newton(&objective, config.max_iterations, config.gradient_tolerance),
-        IrlMethod::GradientAscent => solve::gradient_ascent(&objective, config.learning_rate, config.episodes),
-    };
-    let count = events.len() as f64;
-    let at = objective.evaluate(&found.weights);
-    let gradient_norm = at.gradient_norm() / count;
-    if !(gradient_norm.is_finite() && at.log_likelihood.is_finite()) {
-        return Err(IrlError::Diverged { iteration: found.iterations });
-    }
-    let converged = gradient_norm <= config.gradient_tolerance;
-    Ok(IrlFit {
-        weights: objective.raw_weights(&found.weights),
-        normalized_weights: found.weights,
-        log_likelihood_per_event: at.log_likelihood / count,
-        uniform_log_likelihood_per_event: events
-            .iter()
-            .map(|event| -libm::log(event.features.len() as f64))
-            .sum::<f64>()
-            / count,
-        gradient_norm,
-        iterations: found.iterations,
-        verdict: if converged { IrlVerdict::Converged } else { IrlVerdict::NotConverged },
-    })
+    let groups: Vec<usize> = (0..events.len()).collect();
+    Problem::new(events, &groups, config)?.fit(config)
 }
 
 impl IrlFit {

@@ -36,7 +36,7 @@ pub(crate) struct Quickstart {
 impl Quickstart {
     pub(crate) fn run(self, output: Output) -> anyhow::Result<()> {
         let mut config = self.config.resolve(vec![format!("training.decisions={QUICKSTART_DECISIONS}")])?;
-        let source = self.data.clone().map_or(Source::Synthetic, Source::Recorded);
+        let source = self.data.clone().map_or(Source::Synthetic, Source::At);
         let irl = with_human_reward(&source, &mut config)?;
         output.note(&format!("learned how {} change lanes", irl.model.source));
         let manifest = Manifest::new("quickstart", self.config.preset.preset().name(), &config);

@@ -30,7 +30,7 @@ pub struct Change {
     pub path: LaneChangePath,
     /// Control steps since it began.
     pub elapsed_steps: u32,
-    /// Speed to hold, m/s.
+    /// Speed at the begin, m/s.
     pub entry_speed_mps: f64,
     /// Weights of the controllers.
     pub weights: ControlWeights,

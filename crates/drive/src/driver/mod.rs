@@ -502,7 +502,7 @@ impl Driver {
     fn goal(&self) -> (SpeedGoal, ControlWeights) {
         let (target_speed_mps, reference_accel_mps2, weights) = match &self.activity {
             Activity::Keeping { accel_mps2, weights } => (self.speed_max_mps, *accel_mps2, *weights),
-            Activity::Changing(change) => (change.entry_speed_mps, 0.0, change.weights),
+            Activity::Changing(change) => (change.entry_speed_mps + change.path.speed_change_mps, 0.0, change.weights),
             Activity::Following(path) => {
                 let wanted_mps2 = (path.speed_mps - self.scene.ego.speed_mps) / SPEED_RESPONSE_S;
                 let accel_mps2 = wanted_mps2.clamp(-HANDED_ACCEL_MPS2, HANDED_ACCEL_MPS2);

@@ -5,8 +5,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::features::{FEATURES, FeatureConfig, RewardModel};
-use super::quintic::Quintic;
+use super::features::{FEATURES, FeatureConfig, PAPER_SELECTION, Selection};
+use super::motion::Motion;
+use super::reward::RewardModel;
 use crate::config::{ConfigError, check_order, check_range, whole_multiple};
 use crate::vehicle::VehicleParams;
 
@@ -35,6 +36,12 @@ pub struct PlannerConfig {
     pub duration_max_extended_s: f64,
     /// Step of the durations, s (paper: 0.1).
     pub duration_step_s: f64,
+    /// Lateral end positions of the candidates as distances from the lane's center to the left, m, the first one 0 (paper: 0 alone).
+    pub end_offsets_m: Vec<f64>,
+    /// Changes of speed by the end of the candidates, m/s, the first one 0 (paper: 0 alone).
+    pub end_speed_changes_mps: Vec<f64>,
+    /// Largest acceleration or braking for a change of speed, m/s².
+    pub speed_change_accel_mps2: f64,
     /// Least bumper distance s_saf, m. The paper has no value.
     pub safety_gap_m: f64,
     /// Braking of a leader from now on that must be survived, m/s²: a_x,max of Eq. 15. The paper has no value.
@@ -59,7 +66,7 @@ pub struct PlannerConfig {
     pub feature_means: [f64; FEATURES],
     /// Scales of the features, positive.
     pub feature_scales: [f64; FEATURES],
-    /// Cost weights −ϖ of (stability, collision, comfort, travel), normalized. The defaults put the preferred duration at about
+    /// Cost weights −ϖ of the normalized features by the order of [`FEATURE_NAMES`](super::FEATURE_NAMES); 0 leaves one out. The defaults put the preferred duration at about
     /// 2.5 s between 25 and 30 m/s, where those of Table IV lie; learned weights replace them.
     pub cost_weights: [f64; FEATURES],
 }
@@ -71,6 +78,9 @@ impl Default for PlannerConfig {
             duration_max_s: 4.0,
             duration_max_extended_s: 8.0,
             duration_step_s: 0.1,
+            end_offsets_m: vec![0.0],
+            end_speed_changes_mps: vec![0.0],
+            speed_change_accel_mps2: 1.5,
             safety_gap_m: 5.0,
             leader_decel_mps2: 2.0,
             follower_decel_mps2: 3.0,
@@ -83,8 +93,8 @@ impl Default for PlannerConfig {
             features: FeatureConfig::default(),
             feature_means: [0.0; FEATURES],
             // Of a change of 3.75 m within 2.5 s at 28 m/s on an ordinarily busy road.
-            feature_scales: [0.0041, 0.5, 0.0079, 0.125],
-            cost_weights: [1.0, 1.0, 1.0, 6.0],
+            feature_scales: [0.0041, 0.5, 0.0079, 0.125, 50.0, 3.5, 0.3, 0.1, 1.0],
+            cost_weights: [1.0, 1.0, 1.0, 6.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         }
     }
 }
@@ -107,6 +117,9 @@ impl PlannerConfig {
         }
         check_order(limits[0], limits[1])?;
         check_order(limits[1], limits[2])?;
+        check_ends("planner.end_offsets_m", &self.end_offsets_m, 1.5)?;
+        check_ends("planner.end_speed_changes_mps", &self.end_speed_changes_mps, 10.0)?;
+        check_range("planner.speed_change_accel_mps2", self.speed_change_accel_mps2, 0.1, 5.0)?;
         check_range("planner.safety_gap_m", self.safety_gap_m, 0.0, 50.0)?;
         check_range("planner.leader_decel_mps2", self.leader_decel_mps2, 0.1, 10.0)?;
         check_range("planner.follower_decel_mps2", self.follower_decel_mps2, 0.1, 10.0)?;
@@ -127,14 +140,26 @@ impl PlannerConfig {
     /// The same planner with a reward learned from drivers.
     #[must_use]
     pub fn with_reward(self, reward: &RewardModel) -> Self {
-        Self {
-            features: reward.definition.clone(),
-            feature_means: reward.mean,
-            feature_scales: reward.scale,
-            cost_weights: reward.weights.map(|weight| -weight),
-            ..self
+        let (mut means, mut scales, mut weights) = ([0.0; FEATURES], [1.0; FEATURES], [0.0; FEATURES]);
+        for (number, index) in reward.indices().enumerate() {
+            means[index] = reward.mean[number];
+            scales[index] = reward.scale[number];
+            weights[index] = -reward.weights[number];
         }
+        let features = reward.definition.clone();
+        Self { features, feature_means: means, feature_scales: scales, cost_weights: weights, ..self }
     }
+
+    /// The paper's features and those that have a weight.
+    pub(super) fn selection(&self) -> Selection {
+        std::array::from_fn(|index| PAPER_SELECTION[index] || self.cost_weights[index] != 0.0)
+    }
+}
+
+/// A list of ends of candidates: the first is 0, so that there always is the candidate that the window promises.
+fn check_ends(key: &'static str, ends: &[f64], largest: f64) -> Result<(), ConfigError> {
+    check_range(key, ends.first().copied().unwrap_or(f64::NAN), 0.0, 0.0)?;
+    ends.iter().try_for_each(|&end| check_range(key, end, -largest, largest))
 }
 
 /// The bounds on a path's steepness at one speed on one road.
@@ -145,6 +170,10 @@ pub(super) struct LateralLimits {
     accel_mps2: f64,
     /// Largest |ḋ|, m/s.
     speed_mps: f64,
+    /// Largest acceleration that the tires may be asked for in the plane, less the curve's, m/s².
+    grip_mps2: f64,
+    /// Largest acceleration along the road, m/s².
+    speed_change_mps2: f64,
     /// Largest sideslip, rad.
     sideslip_rad: f64,
     /// Sideslip = `per_accel` · d̈ + `per_jerk` · d⃛.
@@ -169,6 +198,8 @@ impl LateralLimits {
         Self {
             bound: config.bound,
             accel_mps2: config.lateral_accel_max_mps2.min(config.adhesion_share * grip_mps2 - curve_accel_mps2),
+            grip_mps2: config.adhesion_share * grip_mps2 - curve_accel_mps2,
+            speed_change_mps2: config.speed_change_accel_mps2,
             speed_mps: angle_rad * v,
             sideslip_rad: angle_rad,
             per_accel: vehicle.rear_axle_m / (v * v) - vehicle.front_axle_m * vehicle.mass_kg / lever,
@@ -176,15 +207,20 @@ impl LateralLimits {
         }
     }
 
-    /// Whether `path` stays within the bounds on its whole duration; false for a car at rest.
-    pub(super) fn allow(&self, path: &Quintic) -> bool {
-        match self.bound {
+    /// Whether `motion` stays within the bounds on its whole duration, by the extrema of the continuous polynomials; false for a car
+    /// at rest. With a change of speed the largest accelerations along and across count as if they came together.
+    pub(super) fn allow(&self, motion: &Motion) -> bool {
+        let path = &motion.lateral;
+        let across = match self.bound {
             LateralBound::CourseAngle => path.max_speed_mps() <= self.speed_mps,
             LateralBound::Acceleration => {
                 path.max_accel_mps2() <= self.accel_mps2
                     && path.max_of_accel_and_jerk(self.per_accel, self.per_jerk) <= self.sideslip_rad
             }
-        }
+        };
+        let along_mps2 = motion.course().max_accel_mps2();
+        let together = || libm::hypot(path.max_accel_mps2(), along_mps2) <= self.grip_mps2;
+        across && (along_mps2 == 0.0 || (along_mps2 <= self.speed_change_mps2 && together()))
     }
 }
 
@@ -193,14 +229,18 @@ mod tests {
     use lanecraft_net::random::Stream;
 
     use super::*;
-    use crate::plan::quintic::LateralState;
+    use crate::plan::quintic::{LateralState, Quintic};
+
+    fn held(speed_mps: f64, lateral: Quintic) -> Motion {
+        Motion { lateral, speed_mps, speed_change_mps: 0.0 }
+    }
 
     fn shortest_s(bound: LateralBound, speed_mps: f64, adhesion: f64) -> f64 {
         let config = PlannerConfig { bound, ..PlannerConfig::default() };
         let limits = LateralLimits::new(&config, &VehicleParams::default(), (speed_mps, adhesion, 0.0));
         (1..2000)
             .map(|k| 0.01 * f64::from(k))
-            .find(|&t| limits.allow(&Quintic::new(LateralState::default(), 3.75, t)))
+            .find(|&t| limits.allow(&held(speed_mps, Quintic::new(LateralState::default(), 3.75, t))))
             .unwrap()
     }
 
@@ -226,7 +266,7 @@ mod tests {
     #[test]
     fn a_car_at_rest_changes_no_lane() {
         let limits = LateralLimits::new(&PlannerConfig::default(), &VehicleParams::default(), (0.0, 0.85, 0.0));
-        assert!(!limits.allow(&Quintic::new(LateralState::default(), 3.75, 8.0)));
+        assert!(!limits.allow(&held(0.0, Quintic::new(LateralState::default(), 3.75, 8.0))));
     }
 
     #[test]
@@ -247,6 +287,20 @@ mod tests {
     }
 
     #[test]
+    fn a_change_of_speed_has_its_own_bound_and_shares_the_grip() {
+        let allowed = |adhesion: f64, duration_s: f64, speed_change_mps: f64| {
+            let limits =
+                LateralLimits::new(&PlannerConfig::default(), &VehicleParams::default(), (25.0, adhesion, 0.0));
+            let lateral = Quintic::new(LateralState::default(), 3.75, duration_s);
+            limits.allow(&Motion { speed_change_mps, ..held(25.0, lateral) })
+        };
+        // The largest acceleration is 1.5 Δ/t_c, so that 1.5 m/s² are reached by 4 m/s within 4 s.
+        assert!(allowed(0.85, 4.0, 3.99) && allowed(0.85, 4.0, -3.99) && !allowed(0.85, 4.0, 4.01));
+        // On μ 0.2 a change within 4 s takes 1.35 of 1.67 m/s²: there is 0.98 m/s² left along the road.
+        assert!(allowed(0.2, 4.0, 0.0) && allowed(0.2, 4.0, 2.5) && !allowed(0.2, 4.0, 2.7));
+    }
+
+    #[test]
     fn a_configuration_survives_its_text() {
         let config = PlannerConfig { bound: LateralBound::CourseAngle, ..PlannerConfig::default() };
         let text = toml::to_string(&config).unwrap();
@@ -260,6 +314,10 @@ mod tests {
         assert!(PlannerConfig::default().validate().is_ok());
         assert!(PlannerConfig { duration_min_s: 4.5, ..PlannerConfig::default() }.validate().is_err());
         assert!(PlannerConfig { duration_min_s: 1.55, ..PlannerConfig::default() }.validate().is_err());
+        for ends in [vec![], vec![1.0], vec![0.0, f64::NAN], vec![0.0, 11.0]] {
+            let config = PlannerConfig { end_speed_changes_mps: ends, ..PlannerConfig::default() };
+            assert!(config.validate().unwrap_err().to_string().contains("planner.end_speed_changes_mps"));
+        }
         assert!(PlannerConfig { safety_gap_m: f64::NAN, ..PlannerConfig::default() }.validate().is_err());
     }
 }

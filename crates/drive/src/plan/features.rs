@@ -1,19 +1,35 @@
-//! What drivers weigh when they change lanes (Eqs. 18–20): stability, collision risk, comfort and travel efficiency of a path.
+//! What drivers weigh when they change lanes (Eqs. 18–20): stability, collision risk, comfort and travel efficiency of a path, and
+//! five more that may be selected: jerk, peak lateral acceleration, time headway, time to collision, effect on the new follower.
 //!
-//! All four are costs, so that a reward learned from people has negative weights. Departures from the paper: the collision feature
+//! All are costs, so that a reward learned from people has negative weights. Departures from the paper: the collision feature
 //! is taken on normalized distances (in meters it vanishes until the bodies overlap), and the number of samples η is that of
 //! [0, t_c] (the text says of the interval of allowed durations, which would not make H_tra a measure of duration).
 
 use serde::{Deserialize, Serialize};
 
-use super::quintic::Quintic;
+use super::interaction::Interaction;
+use super::motion::{Course, Motion};
 use crate::config::{ConfigError, check_range};
+use crate::predict::ForecastPoint;
 
 /// Number of features.
-pub const FEATURES: usize = 4;
+pub const FEATURES: usize = 9;
 
-/// Names of the features, in the order of every feature vector.
-pub const FEATURE_NAMES: [&str; FEATURES] = ["stability", "collision", "comfort", "travel"];
+/// Names of the features, in the order of every feature vector; the first four are the paper's.
+pub const FEATURE_NAMES: [&str; FEATURES] = [
+    "stability",
+    "collision",
+    "comfort",
+    "travel",
+    "jerk",
+    "lateral-acceleration",
+    "time-headway",
+    "time-to-collision",
+    "follower",
+];
+
+/// How many of them are the paper's.
+pub const PAPER_FEATURES: usize = 4;
 
 /// Terms of the collision sum with an exponent below this are left out: each is below 2e-4, against sums of about 0.5.
 const NEGLIGIBLE_EXPONENT: f64 = -9.0;
@@ -25,9 +41,9 @@ const TRAVEL_STEP_S: f64 = 0.05;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum FeatureUnits {
-    /// rad², dimensionless, (rad/s)², s².
+    /// rad², dimensionless, (rad/s)², s² for the paper's; m²/s⁶, m/s², dimensionless, 1/s, m/s² for the others.
     Si,
-    /// As far as Table IV can be decoded: (m/s per km/h)², hundredths, (deg/s)², s².
+    /// As far as Table IV can be decoded: (m/s per km/h)², hundredths, (deg/s)², s²; the others as in SI.
     Table,
 }
 
@@ -63,13 +79,24 @@ impl Default for FeatureConfig {
 }
 
 impl FeatureConfig {
-    /// Checks every range.
+    /// Checks every range, of the planner's own.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        check_range("planner.features.sample_step_s", self.sample_step_s, 0.01, 0.5)?;
-        check_range("planner.features.sigma_lateral", self.sigma_lateral, -100.0, 0.0)?;
-        check_range("planner.features.lateral_scale_m", self.lateral_scale_m, 0.1, 10.0)?;
-        check_range("planner.features.sigma_longitudinal", self.sigma_longitudinal, -100.0, 0.0)?;
-        check_range("planner.features.longitudinal_scale_m", self.longitudinal_scale_m, 0.1, 100.0)
+        self.validate_as([
+            "planner.features.sample_step_s",
+            "planner.features.sigma_lateral",
+            "planner.features.lateral_scale_m",
+            "planner.features.sigma_longitudinal",
+            "planner.features.longitudinal_scale_m",
+        ])
+    }
+
+    /// The same under other keys, in the order of the fields.
+    pub fn validate_as(&self, keys: [&'static str; 5]) -> Result<(), ConfigError> {
+        check_range(keys[0], self.sample_step_s, 0.01, 0.5)?;
+        check_range(keys[1], self.sigma_lateral, -100.0, 0.0)?;
+        check_range(keys[2], self.lateral_scale_m, 0.1, 10.0)?;
+        check_range(keys[3], self.sigma_longitudinal, -100.0, 0.0)?;
+        check_range(keys[4], self.longitudinal_scale_m, 0.1, 100.0)
     }
 
     /// Number of samples η of a path of this duration.
@@ -82,173 +109,196 @@ impl FeatureConfig {
         let degrees = 180.0 / core::f64::consts::PI;
         match self.units {
             FeatureUnits::Si => [1.0; FEATURES],
-            FeatureUnits::Table => [1.0 / (3.6 * 3.6), 100.0, degrees * degrees, 1.0],
+            FeatureUnits::Table => [1.0 / (3.6 * 3.6), 100.0, degrees * degrees, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
         }
     }
 }
 
-/// H = [H_sta, H_col, H_com, H_tra] of one path at constant `speed_mps`; see [`features_of_set`].
-pub fn features(
+/// Which features are computed.
+pub type Selection = [bool; FEATURES];
+
+/// The selection of the paper's four features.
+pub const PAPER_SELECTION: Selection = [true, true, true, true, false, false, false, false, false];
+
+/// The vehicles around a path.
+pub struct Surroundings<'a, F: Fn(usize, f64) -> ForecastPoint> {
+    /// For each vehicle half the sum of its length and the ego's, m.
+    pub half_lengths_m: &'a [f64],
+    /// Where vehicle `m` of them is at time t, `ahead_m` counted from the ego's *first* position.
+    pub at: F,
+}
+
+/// H of one motion on the paper's features and those that `selection` adds; see [`features_of_set`].
+pub fn features<F: Fn(usize, f64) -> ForecastPoint>(
     config: &FeatureConfig,
-    path: &Quintic,
-    speed_mps: f64,
-    neighbors: usize,
-    position_m: impl Fn(usize, f64) -> (f64, f64),
+    selection: &Selection,
+    motion: &Motion,
+    others: &Surroundings<F>,
 ) -> [f64; FEATURES] {
     let mut result = [[0.0; FEATURES]];
-    features_of_set(config, (std::slice::from_ref(path), speed_mps), neighbors, position_m, &mut result);
+    features_of_set(config, selection, std::slice::from_ref(motion), others, &mut result);
     result[0]
 }
 
-/// The features of several paths that start together and run at the same constant speed.
+/// The features of several motions that start together.
 ///
 /// With β = Ẏ/V and φ̇ = Ÿ/V (Eq. 16), means over the samples l = 1 … η: H_sta of β², H_com of φ̇², H_col of
-/// Σ_m exp(σ₁ (ΔY/scale)² + σ₂ (ΔX/scale)²); H_tra = 0.05 s · t_c.
+/// Σ_m exp(σ₁ (ΔY/scale)² + σ₂ (ΔX/scale)²); H_tra = 0.05 s · t_c. Of the others, the mean squared jerk, the largest |Ÿ| on the
+/// continuous path, and what the module `interaction` defines. One that is not selected is 0; the paper's always are computed.
 ///
-/// `position_m(m, t)` is where neighbor `m` of 0..`neighbors` is at time t: distance along the road from the ego's *first* position,
-/// and lateral position. `out` has one vector for each path.
-pub fn features_of_set(
+/// `out` has one vector for each motion. Motions of the same speed that follow each other share their work.
+pub fn features_of_set<F: Fn(usize, f64) -> ForecastPoint>(
     config: &FeatureConfig,
-    (paths, speed_mps): (&[Quintic], f64),
-    neighbors: usize,
-    position_m: impl Fn(usize, f64) -> (f64, f64),
+    selection: &Selection,
+    motions: &[Motion],
+    others: &Surroundings<F>,
     out: &mut [[f64; FEATURES]],
 ) {
-    debug_assert_eq!(paths.len(), out.len());
-    let samples: Vec<u32> = paths.iter().map(|path| config.samples(path.duration_s)).collect();
-    for ((path, &samples), sums) in paths.iter().zip(&samples).zip(out.iter_mut()) {
-        *sums = own_motion(config, (path, samples), speed_mps);
+    debug_assert_eq!(motions.len(), out.len());
+    let mut rest = out;
+    for same_course in motions.chunk_by(|a, b| a.course() == b.course()) {
+        let (sums, later) = rest.split_at_mut(same_course.len());
+        add_alone(config, same_course, sums);
+        add_among(config, selection, same_course, others, sums);
+        rest = later;
     }
-    let by_scale = |sigma: f64, scale_m: f64| sigma / (scale_m * scale_m);
-    let longitudinal = by_scale(config.sigma_longitudinal, config.longitudinal_scale_m);
-    let lateral = by_scale(config.sigma_lateral, config.lateral_scale_m);
-    let mut near = Vec::with_capacity(neighbors);
+}
+
+/// What a path is without the others.
+fn add_alone(config: &FeatureConfig, motions: &[Motion], out: &mut [[f64; FEATURES]]) {
+    for (motion, sums) in motions.iter().zip(out) {
+        *sums = own_motion(config, motion);
+    }
+}
+
+/// What a path is among the others, and the units; all `motions` have the course of the first one.
+fn add_among<F: Fn(usize, f64) -> ForecastPoint>(
+    config: &FeatureConfig,
+    selection: &Selection,
+    motions: &[Motion],
+    others: &Surroundings<F>,
+    out: &mut [[f64; FEATURES]],
+) {
+    let course = motions[0].course();
+    let samples: Vec<u32> = motions.iter().map(|motion| config.samples(motion.lateral.duration_s)).collect();
+    let mut near = Near::new(config);
+    let mut interaction = Interaction::new(selection, config.lateral_scale_m);
     for sample in 1..=samples.iter().copied().max().unwrap_or(0) {
         let time_s = f64::from(sample) * config.sample_step_s;
-        near.clear();
-        near.extend((0..neighbors).filter_map(|neighbor| {
-            let (ahead_m, d_m) = position_m(neighbor, time_s);
-            let along_m = ahead_m - speed_mps * time_s;
-            let exponent = longitudinal * along_m * along_m;
-            (exponent >= NEGLIGIBLE_EXPONENT).then_some((exponent, d_m))
-        }));
-        for ((path, &samples), sums) in paths.iter().zip(&samples).zip(out.iter_mut()) {
-            if sample <= samples && !near.is_empty() {
-                sums[1] += potential(&near, lateral, path.at(time_s).0);
+        near.at(time_s, &course, others);
+        interaction.at(time_s, &course, others);
+        for ((motion, &samples), sums) in motions.iter().zip(&samples).zip(out.iter_mut()) {
+            if sample > samples || (near.is_empty() && interaction.is_empty()) {
+                continue;
             }
+            let d_m = motion.lateral.at(time_s).0;
+            sums[1] += near.potential(d_m);
+            interaction.add(d_m, sums);
         }
     }
     let factors = config.unit_factors();
     for (&samples, sums) in samples.iter().zip(out.iter_mut()) {
-        sums[1] /= f64::from(samples);
+        for index in [1, 6, 7, 8] {
+            sums[index] /= f64::from(samples);
+        }
         for (sum, factor) in sums.iter_mut().zip(factors) {
             *sum *= factor;
         }
     }
 }
 
-/// Σ exp(longitudinal exponent + `lateral` · ΔY²) over the neighbors `near`, given by that exponent and their lateral position.
-fn potential(near: &[(f64, f64)], lateral: f64, d_m: f64) -> f64 {
-    let mut sum = 0.0;
-    for &(longitudinal_exponent, neighbor_d_m) in near {
-        let across_m = d_m - neighbor_d_m;
-        let exponent = longitudinal_exponent + lateral * across_m * across_m;
-        if exponent >= NEGLIGIBLE_EXPONENT {
-            sum += libm::exp(exponent);
-        }
-    }
-    sum
+/// The vehicles whose longitudinal distance lets them count in the collision sum.
+struct Near {
+    lateral: f64,
+    longitudinal: f64,
+    /// Longitudinal exponent and lateral position, m.
+    vehicles: Vec<(f64, f64)>,
 }
 
-/// The three features of the path alone, and no collision risk yet.
-fn own_motion(config: &FeatureConfig, (path, samples): (&Quintic, u32), speed_mps: f64) -> [f64; FEATURES] {
-    let per_speed = 1.0 / speed_mps;
-    let (mut course, mut yaw_rate) = (0.0, 0.0);
+impl Near {
+    fn new(config: &FeatureConfig) -> Self {
+        let by_scale = |sigma: f64, scale_m: f64| sigma / (scale_m * scale_m);
+        Self {
+            lateral: by_scale(config.sigma_lateral, config.lateral_scale_m),
+            longitudinal: by_scale(config.sigma_longitudinal, config.longitudinal_scale_m),
+            vehicles: Vec::new(),
+        }
+    }
+
+    fn at<F: Fn(usize, f64) -> ForecastPoint>(&mut self, time_s: f64, course: &Course, others: &Surroundings<F>) {
+        let way_m = course.at(time_s).0;
+        self.vehicles.clear();
+        self.vehicles.extend((0..others.half_lengths_m.len()).filter_map(|vehicle| {
+            let point = (others.at)(vehicle, time_s);
+            let along_m = point.ahead_m - way_m;
+            let exponent = self.longitudinal * along_m * along_m;
+            (exponent >= NEGLIGIBLE_EXPONENT).then_some((exponent, point.d_m))
+        }));
+    }
+
+    fn is_empty(&self) -> bool {
+        self.vehicles.is_empty()
+    }
+
+    /// Σ exp(longitudinal exponent + lateral · ΔY²).
+    fn potential(&self, d_m: f64) -> f64 {
+        let mut sum = 0.0;
+        for &(longitudinal_exponent, vehicle_d_m) in &self.vehicles {
+            let across_m = d_m - vehicle_d_m;
+            let exponent = longitudinal_exponent + self.lateral * across_m * across_m;
+            if exponent >= NEGLIGIBLE_EXPONENT {
+                sum += libm::exp(exponent);
+            }
+        }
+        sum
+    }
+}
+
+/// The features of the path alone; those among the others are 0.
+fn own_motion(config: &FeatureConfig, motion: &Motion) -> [f64; FEATURES] {
+    let (samples, course) = (config.samples(motion.lateral.duration_s), motion.course());
+    let (mut heading, mut yaw_rate, mut jerk) = (0.0, 0.0, 0.0);
     for sample in 1..=samples {
-        let (_, speed, accel, _) = path.at(f64::from(sample) * config.sample_step_s);
-        course += (speed * per_speed) * (speed * per_speed);
+        let time_s = f64::from(sample) * config.sample_step_s;
+        let (_, speed, accel, lateral_jerk) = motion.lateral.at(time_s);
+        let (_, speed_mps, along_jerk) = course.at(time_s);
+        let per_speed = 1.0 / speed_mps;
+        heading += (speed * per_speed) * (speed * per_speed);
         yaw_rate += (accel * per_speed) * (accel * per_speed);
+        jerk += lateral_jerk * lateral_jerk + along_jerk * along_jerk;
     }
-    let samples = f64::from(samples);
-    [course / samples, 0.0, yaw_rate / samples, TRAVEL_STEP_S * path.duration_s]
-}
-
-/// A reward learned from drivers: r = Σ ϖᵢ (Hᵢ − meanᵢ)/scaleᵢ (Eq. 20 on normalized features), with all that is needed to use it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RewardModel {
-    /// Names of the features, to be [`FEATURE_NAMES`].
-    pub features: [String; FEATURES],
-    /// How the features were computed.
-    pub definition: FeatureConfig,
-    /// Mean of each feature over the candidates it was learned from.
-    pub mean: [f64; FEATURES],
-    /// Standard deviation of each feature over the same candidates.
-    pub scale: [f64; FEATURES],
-    /// Weights ϖ of the normalized features; negative where the driver avoids them.
-    pub weights: [f64; FEATURES],
-    /// Which drivers it was learned from, in words.
-    pub source: String,
-}
-
-/// A learned reward that cannot be used.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum RewardError {
-    /// Learned on other features, or in another order.
-    #[error("the reward's features are {found:?}, but must be {FEATURE_NAMES:?}")]
-    Names {
-        /// The names found.
-        found: [String; FEATURES],
-    },
-    /// A number out of its range.
-    #[error("the learned reward: {0}")]
-    Value(#[from] ConfigError),
-}
-
-impl RewardModel {
-    /// Checks names and ranges, as of a model read from a file.
-    pub fn validate(&self) -> Result<(), RewardError> {
-        if self.features != FEATURE_NAMES {
-            return Err(RewardError::Names { found: self.features.clone() });
-        }
-        self.definition.validate()?;
-        for i in 0..FEATURES {
-            check_range("reward.mean", self.mean[i], -1e6, 1e6)?;
-            check_range("reward.scale", self.scale[i], 1e-12, 1e6)?;
-            check_range("reward.weights", self.weights[i], -1e6, 1e6)?;
-        }
-        Ok(())
-    }
-
-    /// r of a feature vector.
-    pub fn reward(&self, features: &[f64; FEATURES]) -> f64 {
-        reward(&self.weights, (&self.mean, &self.scale), features)
-    }
-}
-
-/// Σ ϖᵢ (Hᵢ − meanᵢ)/scaleᵢ.
-pub(super) fn reward(
-    weights: &[f64; FEATURES],
-    (mean, scale): (&[f64; FEATURES], &[f64; FEATURES]),
-    features: &[f64; FEATURES],
-) -> f64 {
-    (0..FEATURES).map(|i| weights[i] * (features[i] - mean[i]) / scale[i]).sum()
+    let count = f64::from(samples);
+    let travel = TRAVEL_STEP_S * motion.lateral.duration_s;
+    let peak_mps2 = motion.lateral.max_accel_mps2();
+    [heading / count, 0.0, yaw_rate / count, travel, jerk / count, peak_mps2, 0.0, 0.0, 0.0]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plan::quintic::LateralState;
+    use crate::plan::quintic::{LateralState, Quintic};
+    use crate::predict::NOMINAL;
 
-    fn path() -> Quintic {
-        Quintic::new(LateralState::default(), 3.75, 2.5)
+    const ALL: Selection = [true; FEATURES];
+
+    fn motion(speed_mps: f64, duration_s: f64) -> Motion {
+        let lateral = Quintic::new(LateralState::default(), 3.75, duration_s);
+        Motion { lateral, speed_mps, speed_change_mps: 0.0 }
+    }
+
+    /// Others of the ego's length, 4.8 m, each at a constant speed in the new lane, by distance now and speed.
+    fn among(config: &FeatureConfig, motion: &Motion, cars: &[(f64, f64)]) -> [f64; FEATURES] {
+        let at = |m: usize, t: f64| {
+            let (ahead_m, speed_mps) = cars[m];
+            ForecastPoint { ahead_m: ahead_m + speed_mps * t, d_m: 3.75, speed_mps }
+        };
+        features(config, &ALL, motion, &Surroundings { half_lengths_m: &vec![4.8; cars.len()], at })
     }
 
     #[test]
     fn features_of_a_path_on_an_empty_road_are_the_integrals() {
         let config = FeatureConfig { sample_step_s: 0.01, ..FeatureConfig::default() };
-        let h = features(&config, &path(), 25.0, 0, |_, _| (0.0, 0.0));
+        let h = among(&config, &motion(25.0, 2.5), &[]);
         // Means of the squared derivatives of Eq. 14: ∫s'² = 10/7, ∫s''² = 120/7 on the unit interval. Both integrands and their
         // first derivatives vanish or repeat at the ends, so that the rectangle rule converges fast: 1e-6 at 250 samples.
         let (f, t, v) = (3.75, 2.5, 25.0);
@@ -258,14 +308,17 @@ mod tests {
             assert!((h[i] - expected[i]).abs() <= 1e-6 * expected[i].max(1e-3), "{i}: {} {}", h[i], expected[i]);
         }
         assert_eq!(h[3], 0.125);
+        // The third derivative squared: 720, not 0 at the ends, where the rectangles miss 1/250 of it. The peak is a closed form.
+        assert!((h[4] / ((f / (t * t * t)) * (f / (t * t * t)) * 720.0) - 1.0).abs() < 0.01);
+        assert!((h[5] - 10.0 / 3.0_f64.sqrt() * f / (t * t)).abs() < 1e-12);
+        assert_eq!(h[6..], [0.0; 3]);
     }
 
     #[test]
     fn collision_risk_is_the_mean_of_the_potentials() {
         // Two samples; a car 5 m ahead in the new lane at the same speed, one too far away to count.
         let config = FeatureConfig { sample_step_s: 1.0, ..FeatureConfig::default() };
-        let path = Quintic::new(LateralState::default(), 3.75, 2.0);
-        let h = features(&config, &path, 20.0, 2, |m, t| ([5.0, 80.0][m] + 20.0 * t, 3.75));
+        let h = among(&config, &motion(20.0, 2.0), &[(5.0, 20.0), (80.0, 20.0)]);
         // Half way the car is half a lane aside: exponents −3/4 − 1/8, then −1/8.
         let expected = 0.5 * (libm::exp(-0.875) + libm::exp(-0.125));
         assert!((h[1] - expected).abs() < 1e-12);
@@ -273,46 +326,61 @@ mod tests {
 
     #[test]
     fn table_units_are_those_decoded_from_table_iv() {
-        let at = |_: usize, t: f64| (25.0 * t, 3.75);
-        let si = features(&FeatureConfig::default(), &path(), 25.0, 1, at);
-        let table =
-            features(&FeatureConfig { units: FeatureUnits::Table, ..FeatureConfig::default() }, &path(), 25.0, 1, at);
+        let table_config = FeatureConfig { units: FeatureUnits::Table, ..FeatureConfig::default() };
+        let [si, table] =
+            [FeatureConfig::default(), table_config].map(|config| among(&config, &motion(25.0, 2.5), &[(0.0, 25.0)]));
         assert!((table[0] * 12.96 - si[0]).abs() < 1e-15);
         assert!((table[1] - 100.0 * si[1]).abs() < 1e-12);
         assert!((table[2] - si[2] * 57.295_779_513 * 57.295_779_513).abs() < 1e-7);
-        assert_eq!(table[3], si[3]);
+        assert_eq!(table[3..], si[3..]);
         // Orders of magnitude of Table IV: 2e-4 … 5e-4, 17 … 30, 0.095 … 0.14.
         assert!((1e-4..1e-3).contains(&table[0]) && (10.0..40.0).contains(&table[2]));
     }
 
     #[test]
-    fn a_reward_on_other_features_is_refused() {
-        let good = RewardModel {
-            features: FEATURE_NAMES.map(str::to_owned),
-            definition: FeatureConfig::default(),
-            mean: [0.0; FEATURES],
-            scale: [1.0; FEATURES],
-            weights: [-1.0; FEATURES],
-            source: String::new(),
-        };
-        assert_eq!(good.validate(), Ok(()));
-        let mut swapped = good.clone();
-        swapped.features.swap(0, 1);
-        assert!(swapped.validate().unwrap_err().to_string().contains("[\"stability\", \"collision\""));
-        let flat = RewardModel { scale: [1.0, 0.0, 1.0, 1.0], ..good.clone() };
-        assert!(matches!(flat.validate(), Err(RewardError::Value(_))));
-        assert!(RewardModel { weights: [f64::NAN; FEATURES], ..good }.validate().is_err());
+    fn a_set_gives_what_each_path_gives_alone() {
+        let config = FeatureConfig::default();
+        let at =
+            |m: usize, t: f64| ForecastPoint { ahead_m: 12.0 * m as f64 - 10.0 + 23.0 * t, d_m: 3.75, speed_mps: 23.0 };
+        let others = Surroundings { half_lengths_m: &[4.8; 3], at };
+        let mut motions = [1.5, 2.2, 4.0].map(|t| motion(25.0, t)).to_vec();
+        motions.push(Motion { speed_change_mps: 2.0, ..motions[1] });
+        motions.push(Motion { speed_change_mps: -1.0, ..motions[2] });
+        let mut set = vec![[0.0; FEATURES]; motions.len()];
+        features_of_set(&config, &ALL, &motions, &others, &mut set);
+        for (motion, together) in motions.iter().zip(set) {
+            assert_eq!(features(&config, &ALL, motion, &others), together);
+        }
+        assert!((0..FEATURES).all(|i| motions.iter().any(|m| features(&config, &ALL, m, &others)[i] > 0.0)));
     }
 
     #[test]
-    fn a_set_gives_what_each_path_gives_alone() {
+    fn what_is_not_selected_is_not_computed() {
+        let at = |_: usize, t: f64| ForecastPoint { ahead_m: 10.0 + 20.0 * t, d_m: 3.75, speed_mps: 20.0 };
+        let others = Surroundings { half_lengths_m: &[4.8], at };
         let config = FeatureConfig::default();
-        let at = |m: usize, t: f64| (12.0 * m as f64 - 10.0 + 23.0 * t, 3.75);
-        let paths = [1.5, 2.2, 4.0].map(|t| Quintic::new(LateralState::default(), 3.75, t));
-        let mut set = [[0.0; FEATURES]; 3];
-        features_of_set(&config, (&paths, 25.0), 3, at, &mut set);
-        for (path, together) in paths.iter().zip(set) {
-            assert_eq!(features(&config, path, 25.0, 3, at), together);
-        }
+        let (all, paper) = [ALL, PAPER_SELECTION].map(|s| features(&config, &s, &motion(25.0, 3.0), &others)).into();
+        assert_eq!(all[..PAPER_FEATURES], paper[..PAPER_FEATURES]);
+        assert!(all[6] > 0.0 && all[7] > 0.0 && paper[6..] == [0.0; 3]);
+    }
+
+    #[test]
+    fn a_leader_and_a_follower_count_by_gap_and_closing_speed() {
+        // One sample, at the end: in the new lane, with 20 m to the leader and 10 m to the follower, both at constant distance.
+        let config = FeatureConfig { sample_step_s: 0.5, ..FeatureConfig::default() };
+        let short = motion(20.0, 0.5);
+        let h = among(&config, &short, &[(24.8, 20.0), (-14.8, 20.0)]);
+        assert!((h[6] - libm::exp(-1.0)).abs() < 1e-12 && h[7] == 0.0);
+        // s* = s₀ + v T with the nominal parameters, taken relative to the gap of 10 m.
+        let wanted = NOMINAL.min_gap_m + 20.0 * NOMINAL.time_headway_s;
+        let expected = NOMINAL.max_accel_mps2 * (wanted / 10.0) * (wanted / 10.0);
+        assert!((h[8] - expected.min(10.0)).abs() < 1e-9, "{} {expected}", h[8]);
+        // Closing with 8 m/s on 16 m: half of the gap a second.
+        let closing = among(&config, &short, &[(24.8, 12.0)]);
+        assert!((closing[7] - 8.0 / 16.0).abs() < 1e-12);
+        // Far behind nothing is taken, and a vehicle that the ego has not come in the way of does not count.
+        assert!(among(&config, &short, &[(-120.0, 18.0)])[8] < 0.1);
+        let early = Motion { lateral: Quintic::new(LateralState::default(), 0.1, 0.5), ..short };
+        assert_eq!(among(&config, &early, &[(24.8, 12.0), (-14.8, 20.0)])[6..], [0.0; 3]);
     }
 }

@@ -6,14 +6,20 @@
 
 mod candidates;
 mod features;
+mod interaction;
+mod motion;
 mod planner;
 mod quintic;
+mod reward;
 mod window;
 
 pub use candidates::{LateralBound, PlannerConfig};
 pub use features::{
-    FEATURE_NAMES, FEATURES, FeatureConfig, FeatureUnits, RewardError, RewardModel, features, features_of_set,
+    FEATURE_NAMES, FEATURES, FeatureConfig, FeatureUnits, PAPER_FEATURES, PAPER_SELECTION, Selection, Surroundings,
+    features, features_of_set,
 };
+pub use motion::{Course, Motion};
 pub use planner::{LaneChangePath, Planner};
 pub use quintic::{LateralState, Quintic};
+pub use reward::{RewardError, RewardModel, feature_index};
 pub use window::{Refusal, Window};

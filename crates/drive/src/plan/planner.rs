@@ -3,13 +3,15 @@
 use serde::{Deserialize, Serialize};
 
 use super::candidates::{LateralLimits, PlannerConfig};
-use super::features::{FEATURES, features, features_of_set, reward};
+use super::features::{FEATURES, Surroundings, features, features_of_set};
+use super::motion::Motion;
 use super::quintic::{LateralState, Quintic};
-use super::window::{Refusal, TimeLimits, Window, share_of_shift};
+use super::reward::reward;
+use super::window::{Refusal, TimeLimits, Window, keeps_gaps, share_of_shift};
 use crate::config::ConfigError;
-use crate::predict::Forecast;
+use crate::predict::{Forecast, ForecastPoint};
 use crate::road::{LaneIndex, Side};
-use crate::scene::Scene;
+use crate::scene::{Neighbor, Scene};
 use crate::vehicle::VehicleParams;
 
 /// Points at which the road's curvature ahead is looked up.
@@ -26,7 +28,9 @@ pub struct LaneChangePath {
     pub to: LaneIndex,
     /// Lateral position over time.
     pub quintic: Quintic,
-    /// H = [H_sta, H_col, H_com, H_tra] (Eq. 18).
+    /// By how much the speed at its end is to be higher, m/s.
+    pub speed_change_mps: f64,
+    /// H of Eq. 18, of the paper's features and those that have a weight.
     pub features: [f64; FEATURES],
     /// r = ϖᵀH on normalized features (Eq. 20).
     pub reward: f64,
@@ -73,9 +77,7 @@ impl Planner {
         let end_m = scene.road.lane_center_m(to);
         let shortest_s = self.shortest_s(scene, start, end_m).ok_or(Refusal::LateralLimit)?;
         let allowed_s = shortest_s.max(config.duration_max_s);
-        let toward = if end_m > start.d_m { 1.0 } else { -1.0 };
-        let moved_m = toward * (start.d_m - scene.road.lane_center_m(from));
-        let share = share_of_shift(config.clearance_m - moved_m, (end_m - start.d_m).abs());
+        let share = self.separation_share(scene, start, end_m);
         let (cause, limit_s) = TimeLimits::new(config, (scene, forecast), to, share, allowed_s).tightest();
         let longest_s = self.steps_s((limit_s.min(allowed_s) / config.duration_step_s + 1e-9).floor());
         if longest_s < shortest_s {
@@ -85,30 +87,46 @@ impl Planner {
         Ok(Window { side, from, to, start, shortest_s, longest_s })
     }
 
-    /// All paths of `window` within the lateral bounds, by rising duration; at least one.
+    /// All paths of `window` within the bounds: by the configured changes of speed, then by rising duration, then by the configured
+    /// lateral ends; at least one.
     pub fn candidates(&self, scene: &Scene, forecast: &Forecast, window: &Window) -> Vec<LaneChangePath> {
-        let allowed = self.bounds(scene);
-        let end_m = scene.road.lane_center_m(window.to);
-        let first = self.steps(window.shortest_s);
-        let quintics: Vec<Quintic> = (first..=self.steps(window.longest_s))
-            .map(|step| Quintic::new(window.start, end_m, self.steps_s(f64::from(step))))
-            .enumerate()
-            .filter(|(index, path)| *index == 0 || allowed(path))
-            .map(|(_, path)| path)
-            .collect();
-        let mut vectors = vec![[0.0; FEATURES]; quintics.len()];
-        let speed_mps = scene.ego.road_speed_mps();
-        let position_m = |neighbor: usize, time_s: f64| {
-            let point = forecast.at(neighbor, time_s);
-            (point.ahead_m, point.d_m)
-        };
-        let neighbors = scene.neighbors.len();
-        features_of_set(&self.config.features, (&quintics, speed_mps), neighbors, position_m, &mut vectors);
-        let path = |(quintic, features)| self.path((window.side, window.from, window.to), quintic, features);
-        quintics.into_iter().zip(vectors).map(path).collect()
+        let motions = self.motions(scene, forecast, window);
+        let mut vectors = vec![[0.0; FEATURES]; motions.len()];
+        let half_length_m = |n: &Neighbor| 0.5 * (n.length_m + scene.ego_length_m);
+        let half_lengths_m: Vec<f64> = scene.neighbors.iter().map(half_length_m).collect();
+        let at = |neighbor: usize, time_s: f64| forecast.at(neighbor, time_s);
+        let others = Surroundings { half_lengths_m: &half_lengths_m, at };
+        features_of_set(&self.config.features, &self.config.selection(), &motions, &others, &mut vectors);
+        let path = |(motion, features)| self.path((window.side, window.from, window.to), &motion, features);
+        motions.into_iter().zip(vectors).map(path).collect()
     }
 
-    /// The candidate with the highest reward; the shortest of equal ones.
+    /// The motions of [`Self::candidates`].
+    fn motions(&self, scene: &Scene, forecast: &Forecast, window: &Window) -> Vec<Motion> {
+        let allowed = self.bounds(scene);
+        let (end_m, speed_mps) = (scene.road.lane_center_m(window.to), scene.ego.road_speed_mps());
+        let share = self.separation_share(scene, window.start, end_m);
+        let mut motions = Vec::new();
+        for &speed_change_mps in &self.config.end_speed_changes_mps {
+            for step in self.steps(window.shortest_s)..=self.steps(window.longest_s) {
+                for offset_m in &self.config.end_offsets_m {
+                    let lateral = Quintic::new(window.start, end_m + offset_m, self.steps_s(f64::from(step)));
+                    let motion = Motion { lateral, speed_mps, speed_change_mps };
+                    // The first one is the path that the window promises.
+                    let free = || {
+                        let gaps = || keeps_gaps(&self.config, (scene, forecast), window.to, share, &motion);
+                        allowed(&motion) && (speed_change_mps == 0.0 || gaps())
+                    };
+                    if motions.is_empty() || free() {
+                        motions.push(motion);
+                    }
+                }
+            }
+        }
+        motions
+    }
+
+    /// The candidate with the highest reward; the first of equal ones, which of equal ends is the shortest.
     pub fn choose(&self, scene: &Scene, forecast: &Forecast, window: &Window) -> LaneChangePath {
         let mut candidates = self.candidates(scene, forecast, window).into_iter();
         let first = candidates.next().expect("the shortest duration of a window is always a candidate");
@@ -128,12 +146,14 @@ impl Planner {
         let start = LateralState { accel_mps2: path.quintic.at(elapsed_s).2, ..measured_start(scene) };
         let duration_s = self.shortest_s(scene, start, home_m)?;
         let quintic = Quintic::new(start, home_m, duration_s);
-        let vector = features(&self.config.features, &quintic, scene.ego.road_speed_mps(), 0, |_, _| (0.0, 0.0));
+        let motion = Motion { lateral: quintic, speed_mps: scene.ego.road_speed_mps(), speed_change_mps: 0.0 };
+        let nobody = Surroundings { half_lengths_m: &[], at: |_, _| ForecastPoint::default() };
+        let vector = features(&self.config.features, &self.config.selection(), &motion, &nobody);
         let side = match path.side {
             Side::Left => Side::Right,
             Side::Right => Side::Left,
         };
-        Some(self.path((side, path.to, path.from), quintic, vector))
+        Some(self.path((side, path.to, path.from), &motion, vector))
     }
 
     /// The path from the measured state to rest at `end_m` that takes `duration_s`, or as little longer as the lateral bounds ask for.
@@ -150,34 +170,49 @@ impl Planner {
     fn path(
         &self,
         (side, from, to): (Side, LaneIndex, LaneIndex),
-        quintic: Quintic,
+        motion: &Motion,
         features: [f64; FEATURES],
     ) -> LaneChangePath {
         let normalization = (&self.config.feature_means, &self.config.feature_scales);
         let reward = -reward(&self.config.cost_weights, normalization, &features);
-        LaneChangePath { side, from, to, quintic, features, reward }
+        let Motion { lateral, speed_change_mps, .. } = *motion;
+        LaneChangePath { side, from, to, quintic: lateral, speed_change_mps, features, reward }
+    }
+
+    /// The share of the duration after which a change to `end_m` has left the vehicles of the old lane.
+    fn separation_share(&self, scene: &Scene, start: LateralState, end_m: f64) -> f64 {
+        let toward = if end_m > start.d_m { 1.0 } else { -1.0 };
+        let moved_m = toward * (start.d_m - scene.road.lane_center_m(scene.ego_lane));
+        share_of_shift(self.config.clearance_m - moved_m, (end_m - start.d_m).abs())
     }
 
     /// The shortest duration on the grid within the lateral bounds, s.
     fn shortest_s(&self, scene: &Scene, start: LateralState, end_m: f64) -> Option<f64> {
-        let allowed = self.bounds(scene);
+        let (allowed, speed_mps) = (self.bounds(scene), scene.ego.road_speed_mps());
+        let motion =
+            |duration_s| Motion { lateral: Quintic::new(start, end_m, duration_s), speed_mps, speed_change_mps: 0.0 };
         (self.steps(self.config.duration_min_s)..=self.steps(self.config.duration_max_extended_s))
             .map(|step| self.steps_s(f64::from(step)))
-            .find(|&duration_s| allowed(&Quintic::new(start, end_m, duration_s)))
+            .find(|&duration_s| allowed(&motion(duration_s)))
     }
 
-    /// Whether a path keeps the lateral bounds at the ego's speed: with the lowest adhesion of the stretch it crosses, and on the
-    /// sharpest part of the road within the longest usual change.
-    fn bounds<'a>(&'a self, scene: &'a Scene) -> impl Fn(&Quintic) -> bool + 'a {
+    /// Whether a motion keeps the bounds at the ego's speed and at that of its end: with the lowest adhesion of the stretch it crosses,
+    /// and on the sharpest part of the road within the longest usual change.
+    fn bounds<'a>(&'a self, scene: &'a Scene) -> impl Fn(&Motion) -> bool + 'a {
         let speed_mps = scene.ego.road_speed_mps();
         let spacing_m = speed_mps * self.config.duration_max_s / f64::from(CURVATURE_POINTS);
         let sharpest_radpm = (0..=CURVATURE_POINTS)
             .map(|point| scene.road.curvature_radpm(scene.ego.s_m + f64::from(point) * spacing_m).abs())
             .fold(0.0, f64::max);
-        let curve_accel_mps2 = sharpest_radpm * speed_mps * speed_mps;
-        move |path| {
-            let adhesion = scene.road.lowest_adhesion(scene.ego.s_m, speed_mps * path.duration_s);
-            LateralLimits::new(&self.config, &self.vehicle, (speed_mps, adhesion, curve_accel_mps2)).allow(path)
+        move |motion| {
+            let end_mps = motion.course().end_speed_mps();
+            let way_m = speed_mps.max(end_mps) * motion.lateral.duration_s;
+            let adhesion = scene.road.lowest_adhesion(scene.ego.s_m, way_m);
+            let keeps = |speed_mps: f64| {
+                let curve_accel_mps2 = sharpest_radpm * speed_mps * speed_mps;
+                LateralLimits::new(&self.config, &self.vehicle, (speed_mps, adhesion, curve_accel_mps2)).allow(motion)
+            };
+            keeps(speed_mps) && (end_mps == speed_mps || keeps(end_mps))
         }
     }
 
@@ -360,6 +395,36 @@ mod tests {
     }
 
     #[test]
+    fn candidates_end_beside_the_center_and_at_other_speeds_where_gaps_and_bounds_let_them() {
+        let config = PlannerConfig {
+            end_offsets_m: vec![0.0, -0.3, 0.3],
+            end_speed_changes_mps: vec![0.0, -2.0, 2.0],
+            ..PlannerConfig::default()
+        };
+        let planner = Planner::new(&config, &VehicleParams::default()).unwrap();
+        let candidates = |neighbors| {
+            let scene = scene(neighbors);
+            let forecast = forecast(&scene);
+            let window = planner.window(&scene, &forecast, Side::Left).unwrap();
+            planner.candidates(&scene, &forecast, &window)
+        };
+        let free = candidates(vec![]);
+        let ends = |change: f64| free.iter().filter(|path| path.speed_change_mps == change).count();
+        assert!(ends(0.0) > 40 && ends(2.0) > 40 && ends(-2.0) == ends(2.0));
+        let at = |path: &LaneChangePath| path.quintic.at(path.quintic.duration_s).0;
+        assert!(free.iter().all(|path| (at(path) - 7.5).abs() < 0.3 + 1e-9) && free.iter().any(|path| at(path) > 7.7));
+        assert!(free.iter().all(|path| path.quintic.max_accel_mps2() <= 4.0));
+        // A leader of the same speed 22 m ahead leaves 1.2 m at the end of 3.5 s, but 2 m/s more would gain 3.5 m on it.
+        let behind = candidates(vec![neighbor(22.0, 25.0, 2)]);
+        assert!(behind.iter().all(|path| path.speed_change_mps < 2.0 || path.quintic.duration_s < 3.5));
+        assert!(behind.iter().any(|path| path.speed_change_mps == -2.0 && path.quintic.duration_s > 3.4));
+        // A follower who is a little faster may be run before, but not braked into.
+        let before = candidates(vec![neighbor(-13.0, 26.0, 2)]);
+        assert!(before.iter().any(|path| path.speed_change_mps == 2.0));
+        assert!(before.iter().all(|path| path.speed_change_mps > -2.0));
+    }
+
+    #[test]
     fn equal_rewards_are_decided_for_the_shortest() {
         let config = PlannerConfig { cost_weights: [0.0; FEATURES], ..PlannerConfig::default() };
         let planner = Planner::new(&config, &VehicleParams::default()).unwrap();
@@ -383,17 +448,18 @@ mod tests {
     #[test]
     fn a_learned_reward_is_used_as_learned() {
         let reward = RewardModel {
-            features: super::super::FEATURE_NAMES.map(String::from),
+            features: ["stability", "follower", "comfort", "travel"].map(String::from).to_vec(),
             definition: super::super::FeatureConfig { lateral_scale_m: 3.5, ..Default::default() },
-            mean: [0.01, 0.2, 0.03, 0.1],
-            scale: [0.02, 0.3, 0.04, 0.05],
-            weights: [-0.5, -1.0, -2.0, -3.0],
+            mean: vec![0.01, 0.2, 0.03, 0.1],
+            scale: vec![0.02, 0.3, 0.04, 0.05],
+            weights: vec![-0.5, -1.0, -2.0, -3.0],
             source: "a test".into(),
         };
         let config = PlannerConfig::default().with_reward(&reward);
         let planner = Planner::new(&config, &VehicleParams::default()).unwrap();
-        let scene = scene(vec![neighbor(30.0, 22.0, 1)]);
+        let scene = scene(vec![neighbor(-40.0, 25.0, 2), neighbor(30.0, 22.0, 1)]);
         let window = planner.window(&scene, &forecast(&scene), Side::Left).unwrap();
+        assert!(planner.choose(&scene, &forecast(&scene), &window).features[8] > 0.0);
         for path in planner.candidates(&scene, &forecast(&scene), &window) {
             assert!((path.reward - reward.reward(&path.features)).abs() < 1e-12);
         }

@@ -9,6 +9,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::candidates::PlannerConfig;
+use super::motion::Motion;
 use super::quintic::LateralState;
 use crate::predict::{FORECAST_STEP_S, Forecast};
 use crate::road::{LaneIndex, Side};
@@ -110,6 +111,44 @@ impl TimeLimits {
     pub(super) fn tightest(&self) -> (Refusal, f64) {
         self.0.iter().fold(self.0[0], |best, &limit| if limit.1 < best.1 { limit } else { best })
     }
+}
+
+/// Whether `motion`, whose speed changes, keeps the gaps that a window asks for at constant speed: to the leaders in the new lane, until
+/// the bodies are apart to those in the old one, and to the followers in the new lane.
+///
+/// The gaps are looked at every forecast step. Between two of them the ego and, in the worst case, the leader leave the straight line
+/// by no more than an eighth of their accelerations times the step squared, which is added to the gap asked for.
+pub(super) fn keeps_gaps(
+    config: &PlannerConfig,
+    (scene, forecast): (&Scene, &Forecast),
+    to: LaneIndex,
+    separation_share: f64,
+    motion: &Motion,
+) -> bool {
+    let (course, duration_s) = (motion.course(), motion.lateral.duration_s);
+    let curved_mps2 = course.max_accel_mps2() + config.leader_decel_mps2;
+    let asked_m = config.safety_gap_m + 0.125 * curved_mps2 * FORECAST_STEP_S * FORECAST_STEP_S;
+    let keeps = |index: usize, neighbor: &Neighbor, until_s: f64| {
+        let lengths_m = 0.5 * (neighbor.length_m + scene.ego_length_m);
+        let steps = (until_s / FORECAST_STEP_S).ceil() as usize;
+        (0..=steps).all(|step| {
+            let time_s = step as f64 * FORECAST_STEP_S;
+            let ((way_m, speed_mps, _), point) = (course.at(time_s), forecast.at(index, time_s));
+            if neighbor.ahead_m >= 0.0 {
+                let worst_m = time_s * (neighbor.speed_mps - 0.5 * config.leader_decel_mps2 * time_s);
+                point.ahead_m.min(neighbor.ahead_m + worst_m) - way_m - lengths_m >= asked_m
+            } else {
+                let closing_mps = (point.speed_mps - speed_mps).max(0.0);
+                let braking_m = 0.5 * closing_mps * closing_mps / config.follower_decel_mps2;
+                way_m - point.ahead_m - lengths_m >= asked_m + braking_m
+            }
+        })
+    };
+    scene.neighbors.iter().enumerate().all(|(index, neighbor)| {
+        let leaves = neighbor.ahead_m >= 0.0 && neighbor.occupies(scene.ego_lane);
+        (!neighbor.occupies(to) || keeps(index, neighbor, duration_s))
+            && (!leaves || keeps(index, neighbor, separation_share * duration_s))
+    })
 }
 
 /// The ego, at constant speed, among its neighbors.

@@ -9,7 +9,7 @@ use crate::models::idm::{IdmParams, idm_accel};
 use crate::scene::{Neighbor, Scene};
 
 /// An average driver: middle of the ranges from which the traffic draws (Treiber et al., 2000; Kesting et al., 2007).
-const NOMINAL: IdmParams = IdmParams {
+pub(crate) const NOMINAL: IdmParams = IdmParams {
     desired_speed_mps: 23.0,
     time_headway_s: 1.4,
     min_gap_m: 2.0,

@@ -5,6 +5,8 @@ mod constant;
 mod idm_rollout;
 pub mod lstm;
 
+pub(crate) use idm_rollout::NOMINAL;
+
 use serde::{Deserialize, Serialize};
 
 pub use self::config::{Forecaster, ModelSource, PredictionConfig};

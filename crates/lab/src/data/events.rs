@@ -47,6 +47,19 @@ pub struct Track {
 }
 
 impl Track {
+    /// The point at `time_s`: position as of [`Self::position_m`], speed of the last point until then, or of the first.
+    pub fn state(&self, time_s: f64) -> TrackPoint {
+        let after = self.points.partition_point(|point| point.time_s <= time_s);
+        let (s_m, d_m) = self.position_m(time_s);
+        TrackPoint { time_s, s_m, d_m, speed_mps: self.points[after.saturating_sub(1)].speed_mps }
+    }
+
+    /// Whether the vehicle was seen at `time_s`.
+    pub fn covers(&self, time_s: f64) -> bool {
+        let ends = (self.points.first(), self.points.last());
+        matches!(ends, (Some(first), Some(last)) if (first.time_s..=last.time_s).contains(&time_s))
+    }
+
     /// (s, d) at `time_s`, m: between points by linear interpolation, before and after the track at constant speed in its lane.
     pub fn position_m(&self, time_s: f64) -> (f64, f64) {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
@@ -80,6 +93,8 @@ pub struct LaneChangeEvent {
     pub start_d_m: f64,
     /// Lateral position at the end, m.
     pub end_d_m: f64,
+    /// Center of the new lane, m; the lateral position at the end where the table does not know it.
+    pub target_d_m: f64,
     /// Mean speed during the maneuver, m/s.
     pub mean_speed_mps: f64,
     /// The vehicle that changes lanes.
@@ -100,6 +115,8 @@ const EVENT_COLUMNS: [&str; 10] = [
     "d_end_m",
     "speed_mean_mps",
 ];
+/// What the column with the center of the new lane may be called; older tables have none.
+const CENTER_COLUMNS: [&str; 2] = ["lane_to_center_m", "lane_to_centre_m"];
 const TRACK_COLUMNS: [&str; 8] = ["event_id", "vehicle_id", "t_s", "s_m", "d_m", "vs_mps", "length_m", "width_m"];
 
 /// Allowed times around a lane change, s.
@@ -168,6 +185,7 @@ fn read_event(table: &Table, tracks: &mut Tracks) -> Result<LaneChangeEvent, Tab
     let mut vehicles = tracks.remove(&id).ok_or_else(|| bad_key("has no tracks, or appears twice"))?;
     let ego = vehicles.remove(&table.index("ego_id")?).ok_or_else(|| bad_key("the ego has no track"))?;
     let start_s = table.number("t_start_s", TIMES_S)?;
+    let target = CENTER_COLUMNS.into_iter().find(|column| table.has(column)).unwrap_or("d_end_m");
     Ok(LaneChangeEvent {
         site: table.text("site")?.to_owned(),
         road: [RoadKind::Freeway, RoadKind::Arterial][table.word("road", &["freeway", "arterial"])?],
@@ -176,6 +194,7 @@ fn read_event(table: &Table, tracks: &mut Tracks) -> Result<LaneChangeEvent, Tab
         end_s: table.number("t_end_s", (start_s, TIMES_S.1))?,
         start_d_m: table.number("d_start_m", LATERAL_M)?,
         end_d_m: table.number("d_end_m", LATERAL_M)?,
+        target_d_m: table.number(target, LATERAL_M)?,
         mean_speed_mps: table.number("speed_mean_mps", (0.5, SPEEDS_MPS.1))?,
         ego,
         neighbors: vehicles.into_values().collect(),

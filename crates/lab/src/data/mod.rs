@@ -13,5 +13,5 @@ mod table;
 pub mod traffic;
 
 pub use error::{DataError, XmlErrorKind};
-pub(crate) use table::Table;
+pub(crate) use table::{Table, content};
 pub use table::{TableError, TableErrorKind};

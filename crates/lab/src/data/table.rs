@@ -85,7 +85,7 @@ pub(super) enum Layout {
 }
 
 /// The content of the file at `path`, decompressed if its name ends in `.gz`.
-pub(super) fn content(path: &Path) -> std::io::Result<Box<dyn Read>> {
+pub(crate) fn content(path: &Path) -> std::io::Result<Box<dyn Read>> {
     let file = File::open(path)?;
     let packed = path.extension().is_some_and(|end| end == "gz");
     Ok(if packed { Box::new(MultiGzDecoder::new(file)) } else { Box::new(file) })

@@ -140,6 +140,11 @@ impl Plot {
 
     /// A line through the points, broken where one cannot be drawn, with the series' mark at its end.
     pub(crate) fn line(&mut self, points: &[[f64; 2]], series: usize) {
+        self.faint_line(points, series, 1.0);
+    }
+
+    /// The same, of this opacity from 0 to 1.
+    pub(crate) fn faint_line(&mut self, points: &[[f64; 2]], series: usize, opacity: f64) {
         let (mut path, mut last) = (String::new(), None);
         for point in points {
             let before = last;
@@ -149,7 +154,8 @@ impl Plot {
                 let _ = write!(path, "{command}{:.1} {:.1}", self.x_px(x), self.y_px(y));
             }
         }
-        let _ = writeln!(self.body, "<path class=\"curve {}\" d=\"{path}\"/>", classes(series));
+        let faint = if opacity < 1.0 { format!(" stroke-opacity=\"{opacity:.2}\"") } else { String::new() };
+        let _ = writeln!(self.body, "<path class=\"curve {}\" d=\"{path}\"{faint}/>", classes(series));
     }
 
     /// A series' mark at a point, if it can be drawn.

@@ -120,7 +120,7 @@ impl Figure {
         inside.replacen(">\n", &format!(">\n{style}\n"), 1)
     }
 
-    fn html(&self) -> String {
+    pub(crate) fn html(&self) -> String {
         let mut legend = String::new();
         for (name, series) in &self.legend {
             let _ = write!(legend, "<li><i class=\"key k{series}\"></i>{}</li>", escape(name));

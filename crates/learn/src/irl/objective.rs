@@ -2,12 +2,30 @@
 
 use super::{CandidateSet, IrlNormalization};
 
-/// Ω(ϖ) − ridge · ‖ϖ‖² over normalized features.
-pub(super) struct Objective {
-    /// For each event its candidates' normalized features.
-    events: Vec<CandidateSet>,
+/// The candidates of all events in one block, normalized.
+pub(super) struct Choices {
+    /// Normalized features, candidates × F row-major, event by event.
+    rows: Vec<f64>,
+    events: Vec<Event>,
+    /// What was subtracted from each feature.
+    pub(super) mean: Vec<f64>,
     /// What each feature was divided by; 0 for one that never varies.
-    scale: Vec<f64>,
+    pub(super) scale: Vec<f64>,
+}
+
+/// Where an event's candidates lie in the block, in candidates.
+#[derive(Clone, Copy)]
+struct Event {
+    begin: usize,
+    end: usize,
+    chosen: usize,
+}
+
+/// Σ counts · log P(choice) − ridge · ‖ϖ‖² over normalized features.
+pub(super) struct Objective<'a> {
+    choices: &'a Choices,
+    /// How often each event counts: 1 for all of them in a fit, 0 for those left out.
+    counts: &'a [f64],
     ridge: f64,
 }
 
@@ -29,24 +47,25 @@ impl Evaluation {
     }
 }
 
-impl Objective {
-    pub(super) fn new(events: &[CandidateSet], normalization: IrlNormalization, ridge: f64) -> Self {
+impl Choices {
+    pub(super) fn new(events: &[CandidateSet], normalization: IrlNormalization) -> Self {
         let Moments { mean, magnitude, deviation } = moments(events);
         let sizes = magnitude.iter().zip(&deviation);
         let scale: Vec<f64> = sizes.map(|(size, deviation)| scale(normalization, *size, *deviation)).collect();
-        let normalized = |features: &Vec<f64>| {
-            // Both normalizations subtract the mean: a shift common to all candidates changes no probability.
-            let parts = features.iter().zip(&mean).zip(&scale);
-            parts.map(|((x, mean), scale)| if *scale > 0.0 { (x - mean) / scale } else { 0.0 }).collect()
-        };
-        let events = events.iter();
-        let events = events
-            .map(|event| CandidateSet {
-                features: event.features.iter().map(normalized).collect(),
-                chosen: event.chosen,
-            })
-            .collect();
-        Self { events, scale, ridge }
+        let mut rows = Vec::new();
+        let mut spans = Vec::with_capacity(events.len());
+        let mut begin = 0;
+        for event in events {
+            for features in &event.features {
+                // All normalizations subtract the mean: a shift common to all candidates changes no probability.
+                let parts = features.iter().zip(&mean).zip(&scale);
+                rows.extend(parts.map(|((x, mean), scale)| if *scale > 0.0 { (x - mean) / scale } else { 0.0 }));
+            }
+            let end = begin + event.features.len();
+            spans.push(Event { begin, end, chosen: begin + event.chosen });
+            begin = end;
+        }
+        Self { rows, events: spans, mean, scale }
     }
 
     /// Number of features F.
@@ -54,9 +73,37 @@ impl Objective {
         self.scale.len()
     }
 
+    /// Number of events.
+    pub(super) fn events(&self) -> usize {
+        self.events.len()
+    }
+
+    /// Normalized features of each candidate of one event.
+    pub(super) fn candidates(&self, event: usize) -> impl Iterator<Item = &[f64]> {
+        let (n, Event { begin, end, .. }) = (self.features(), self.events[event]);
+        self.rows[begin * n..end * n].chunks_exact(n)
+    }
+
+    /// Log-probability of an event's choice.
+    pub(super) fn log_likelihood(&self, event: usize, weights: &[f64]) -> f64 {
+        let scores: Vec<f64> = self.candidates(event).map(|h| dot(weights, h)).collect();
+        scores[self.events[event].chosen - self.events[event].begin] - log_sum_exp(&scores)
+    }
+
     /// Weights of the features as they came.
     pub(super) fn raw_weights(&self, weights: &[f64]) -> Vec<f64> {
         weights.iter().zip(&self.scale).map(|(w, scale)| if *scale > 0.0 { w / scale } else { 0.0 }).collect()
+    }
+}
+
+impl<'a> Objective<'a> {
+    pub(super) fn new(choices: &'a Choices, counts: &'a [f64], ridge: f64) -> Self {
+        Self { choices, counts, ridge }
+    }
+
+    /// Number of features F.
+    pub(super) fn features(&self) -> usize {
+        self.choices.features()
     }
 
     /// Value, gradient (Eq. 24's: chosen minus expected features) and curvature (the features' covariance).
@@ -69,45 +116,93 @@ impl Objective {
             gradient: weights.iter().map(|w| -2.0 * self.ridge * w).collect(),
             curvature: vec![0.0; n * n],
         };
-        for event in &self.events {
-            at.add_event(event, weights);
+        let mut sums = EventSums::new(n);
+        for (event, &count) in self.counts.iter().enumerate().filter(|(_, count)| **count > 0.0) {
+            sums.take(self.choices, event, weights);
+            sums.add_to(&mut at, count);
         }
         for i in 0..n {
             at.curvature[i * n + i] += 2.0 * self.ridge;
+            for j in 0..i {
+                at.curvature[j * n + i] = at.curvature[i * n + j];
+            }
         }
         at.value = at.log_likelihood - self.ridge * squared;
         at
     }
 }
 
-impl Evaluation {
-    fn add_event(&mut self, event: &CandidateSet, weights: &[f64]) {
+/// What one event adds, with room that is used again.
+struct EventSums {
+    scores: Vec<f64>,
+    log_likelihood: f64,
+    /// Chosen minus expected features.
+    gradient: Vec<f64>,
+    expected: Vec<f64>,
+    /// Lower triangle of the features' covariance.
+    covariance: Vec<f64>,
+}
+
+impl EventSums {
+    fn new(n: usize) -> Self {
+        let zeros = || vec![0.0; n];
+        Self {
+            scores: Vec::new(),
+            log_likelihood: 0.0,
+            gradient: zeros(),
+            expected: zeros(),
+            covariance: vec![0.0; n * n],
+        }
+    }
+
+    fn take(&mut self, choices: &Choices, event: usize, weights: &[f64]) {
         let n = weights.len();
-        let scores = scores(weights, &event.features);
-        let log_sum = log_sum_exp(&scores);
-        self.log_likelihood += scores[event.chosen] - log_sum;
-        let mut expected = vec![0.0; n];
-        for (score, h) in scores.iter().zip(&event.features) {
-            let probability = libm::exp(score - log_sum);
+        self.scores.clear();
+        self.scores.extend(choices.candidates(event).map(|h| dot(weights, h)));
+        let chosen = choices.events[event].chosen - choices.events[event].begin;
+        let largest = self.scores.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        self.expected.fill(0.0);
+        self.covariance.fill(0.0);
+        let (mut sum, chosen_score) = (0.0, self.scores[chosen]);
+        for (score, h) in self.scores.iter().zip(choices.candidates(event)) {
+            let share = libm::exp(score - largest);
+            sum += share;
             for i in 0..n {
-                expected[i] += probability * h[i];
-                for j in 0..n {
-                    self.curvature[i * n + j] += probability * h[i] * h[j];
-                }
+                let part = share * h[i];
+                self.expected[i] += part;
+                let row = &mut self.covariance[i * n..][..=i];
+                row.iter_mut().zip(h).for_each(|(sum, other)| *sum += part * other);
             }
         }
-        for i in 0..n {
-            self.gradient[i] += event.features[event.chosen][i] - expected[i];
-            for j in 0..n {
-                self.curvature[i * n + j] -= expected[i] * expected[j];
+        let h = &choices.rows[choices.events[event].chosen * n..][..n];
+        for (i, chosen) in h.iter().enumerate() {
+            self.expected[i] /= sum;
+            self.gradient[i] = chosen - self.expected[i];
+            for j in 0..=i {
+                self.covariance[i * n + j] = self.covariance[i * n + j] / sum - self.expected[i] * self.expected[j];
             }
+        }
+        self.log_likelihood = chosen_score - largest - libm::log(sum);
+    }
+
+    fn add_to(&self, at: &mut Evaluation, count: f64) {
+        at.log_likelihood += count * self.log_likelihood;
+        for (sum, x) in at.gradient.iter_mut().zip(&self.gradient) {
+            *sum += count * x;
+        }
+        for (sum, x) in at.curvature.iter_mut().zip(&self.covariance) {
+            *sum += count * x;
         }
     }
 }
 
+fn dot(x: &[f64], y: &[f64]) -> f64 {
+    x.iter().zip(y).map(|(x, y)| x * y).sum()
+}
+
 /// ϖᵀH of each candidate.
 pub(super) fn scores(weights: &[f64], features: &[Vec<f64>]) -> Vec<f64> {
-    features.iter().map(|h| weights.iter().zip(h).map(|(w, h)| w * h).sum()).collect()
+    features.iter().map(|h| dot(weights, h)).collect()
 }
 
 /// log Σ exp, shifted by the maximum so that nothing overflows.
@@ -149,6 +244,7 @@ fn scale(normalization: IrlNormalization, magnitude: f64, deviation: f64) -> f64
     match normalization {
         IrlNormalization::ZScore if varies => deviation,
         IrlNormalization::Mean if varies => magnitude,
-        IrlNormalization::ZScore | IrlNormalization::Mean => 0.0,
+        IrlNormalization::None if varies => 1.0,
+        IrlNormalization::ZScore | IrlNormalization::Mean | IrlNormalization::None => 0.0,
     }
 }

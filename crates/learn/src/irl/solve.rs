@@ -13,9 +13,8 @@ pub(super) struct Found {
     pub(super) iterations: usize,
 }
 
-/// Newton's method from zero: solves curvature · step = gradient and halves the step until the objective gains.
-pub(super) fn newton(objective: &Objective, max_iterations: usize, tolerance: f64) -> Found {
-    let mut weights = vec![0.0; objective.features()];
+/// Newton's method from `weights`: solves curvature · step = gradient and halves the step until the objective gains.
+pub(super) fn newton(objective: &Objective, mut weights: Vec<f64>, max_iterations: usize, tolerance: f64) -> Found {
     let mut at = objective.evaluate(&weights);
     // One digit below the tolerance of the verdict, which is judged for each event.
     let limit = 0.1 * tolerance;
