@@ -109,6 +109,9 @@ impl<R: Read> Read for Rows<R> {
             if self.since_row.get() > LONGEST_ROW {
                 return Err(std::io::Error::other("a row is longer than 1 MiB; is a quote left open?"));
             }
+            if !out[..count].contains(&b'\r') {
+                return Ok(count);
+            }
             let mut kept = 0;
             for index in 0..count {
                 if out[index] != b'\r' {
@@ -162,6 +165,8 @@ pub(crate) struct Table {
     path: PathBuf,
     reader: csv::Reader<Box<dyn Read>>,
     header: csv::StringRecord,
+    /// Where the columns that were looked for stand: there are fewer of them than of all.
+    places: Vec<(&'static str, usize)>,
     row: csv::StringRecord,
     rows: u64,
     since_row: Rc<Cell<usize>>,
@@ -194,10 +199,12 @@ impl Table {
                 header.iter().map(name).collect()
             }
         };
-        if let Some(column) = columns.iter().find(|column| !header.iter().any(|name| name == **column)) {
-            return Err(at(1, TableErrorKind::MissingColumn { column }));
+        let mut places = Vec::with_capacity(columns.len());
+        for &column in columns {
+            let place = header.iter().position(|name| name == column);
+            places.push((column, place.ok_or_else(|| at(1, TableErrorKind::MissingColumn { column }))?));
         }
-        Ok(Self { path: path.to_owned(), reader, header, row: csv::StringRecord::new(), rows: 0, since_row })
+        Ok(Self { path: path.to_owned(), reader, header, places, row: csv::StringRecord::new(), rows: 0, since_row })
     }
 
     /// Whether there is a column of this name.
@@ -235,7 +242,8 @@ impl Table {
 
     /// The field in `column`, one of the columns that were looked for.
     pub(crate) fn text(&self, column: &'static str) -> Result<&str, TableError> {
-        let index = self.header.iter().position(|name| name == column);
+        let looked_for = self.places.iter().find(|(name, _)| *name == column).map(|(_, place)| *place);
+        let index = looked_for.or_else(|| self.header.iter().position(|name| name == column));
         index.and_then(|index| self.row.get(index)).ok_or_else(|| self.error(TableErrorKind::MissingColumn { column }))
     }
 
@@ -251,7 +259,14 @@ impl Table {
     /// The number in `column`, which must lie in `min..=max`, and whose thousands may be set apart by commas: `1,156`.
     pub(super) fn grouped(&self, column: &'static str, (min, max): (f64, f64)) -> Result<f64, TableError> {
         let text = self.text(column)?;
-        match ungrouped(text.trim()).and_then(|digits| digits.parse::<f64>().ok()) {
+        let digits = text.trim();
+        // Most numbers have no thousands to be set apart.
+        let value = if digits.contains(',') {
+            ungrouped(digits).and_then(|digits| digits.parse::<f64>().ok())
+        } else {
+            digits.parse::<f64>().ok()
+        };
+        match value {
             Some(value) if (min..=max).contains(&value) => Ok(value),
             _ => Err(self.error(TableErrorKind::BadNumber { column, value: text.to_owned(), min, max })),
         }
