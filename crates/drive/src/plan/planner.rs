@@ -146,7 +146,7 @@ impl Planner {
         let start = LateralState { accel_mps2: path.quintic.at(elapsed_s).2, ..measured_start(scene) };
         let duration_s = self.shortest_s(scene, start, home_m)?;
         let quintic = Quintic::new(start, home_m, duration_s);
-        let motion = Motion { lateral: quintic, speed_mps: scene.ego.road_speed_mps(), speed_change_mps: 0.0 };
+        let motion = held(scene, quintic);
         let nobody = Surroundings { half_lengths_m: &[], at: |_, _| ForecastPoint::default() };
         let vector = features(&self.config.features, &self.config.selection(), &motion, &nobody);
         let side = match path.side {
@@ -164,7 +164,7 @@ impl Planner {
             .map(|step| duration_s + self.steps_s(f64::from(step)))
             .take_while(|duration_s| *duration_s <= self.config.duration_max_extended_s)
             .map(|duration_s| Quintic::new(start, end_m, duration_s));
-        paths.into_iter().find(|path| allowed(path))
+        paths.into_iter().find(|path| allowed(&held(scene, *path)))
     }
 
     fn path(
@@ -188,12 +188,10 @@ impl Planner {
 
     /// The shortest duration on the grid within the lateral bounds, s.
     fn shortest_s(&self, scene: &Scene, start: LateralState, end_m: f64) -> Option<f64> {
-        let (allowed, speed_mps) = (self.bounds(scene), scene.ego.road_speed_mps());
-        let motion =
-            |duration_s| Motion { lateral: Quintic::new(start, end_m, duration_s), speed_mps, speed_change_mps: 0.0 };
+        let allowed = self.bounds(scene);
         (self.steps(self.config.duration_min_s)..=self.steps(self.config.duration_max_extended_s))
             .map(|step| self.steps_s(f64::from(step)))
-            .find(|&duration_s| allowed(&motion(duration_s)))
+            .find(|&duration_s| allowed(&held(scene, Quintic::new(start, end_m, duration_s))))
     }
 
     /// Whether a motion keeps the bounds at the ego's speed and at that of its end: with the lowest adhesion of the stretch it crosses,
@@ -225,6 +223,11 @@ impl Planner {
     fn steps_s(&self, steps: f64) -> f64 {
         steps * self.config.duration_step_s
     }
+}
+
+/// `lateral` at the ego's speed, which it keeps.
+fn held(scene: &Scene, lateral: Quintic) -> Motion {
+    Motion { lateral, speed_mps: scene.ego.road_speed_mps(), speed_change_mps: 0.0 }
 }
 
 /// The ego's lateral state. Its lateral acceleration relative to the road is V_x γ less the road's own V² κ, to first order.
