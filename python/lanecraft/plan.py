@@ -26,7 +26,17 @@ from .scene import Scene, packed
 
 __all__ = ["FEATURE_NAMES", "LaneChange", "Motion", "Planner", "Quintic", "Refusal"]
 
-FEATURE_NAMES = ("stability", "collision", "comfort", "travel")
+FEATURE_NAMES = (
+    "stability",
+    "collision",
+    "comfort",
+    "travel",
+    "jerk",
+    "lateral-acceleration",
+    "time-headway",
+    "time-to-collision",
+    "follower",
+)
 """Names of the features of a candidate, in their order (Eqs. 18, 19)."""
 
 SHORTEST_S = 1e-2
@@ -135,7 +145,7 @@ class LaneChange:
     candidates: tuple[Quintic, ...]
     """All paths within the lateral bounds, C of them, by rising duration."""
     features: Floats
-    """Their features, shape (C, 4), in the order of :data:`FEATURE_NAMES`."""
+    """Their features, shape (C, 9), in the order of :data:`FEATURE_NAMES`."""
     rewards: Floats
     """Their rewards, shape (C,)."""
     chosen: int | None

@@ -68,8 +68,8 @@ def test_refusals_come_in_words(neighbors, name):
 
 def test_road_and_rewards_follow_the_configuration():
     assert Planner({"road.lanes": 2}).plan(Scene(MIDDLE), "left").refusal.name == "no-lane"
-    hasty = Planner({"planner": {"cost_weights": [0.0, 0.0, 0.0, 1.0]}}).plan(Scene(MIDDLE), "left")
-    calm = Planner({"planner.cost_weights": [1.0, 0.0, 1.0, 0.0]}).plan(Scene(MIDDLE), "left")
+    hasty = Planner({"planner": {"cost_weights": [0.0, 0.0, 0.0, 1.0] + 5 * [0.0]}}).plan(Scene(MIDDLE), "left")
+    calm = Planner({"planner.cost_weights": [1.0, 0.0, 1.0, 0.0] + 5 * [0.0]}).plan(Scene(MIDDLE), "left")
     assert hasty.path.duration_s < calm.path.duration_s
     ending = {"road.lanes_open": [{"lane": 2, "from_m": 0.0, "to_m": 200.0}], "road.topology": "open"}
     assert Planner(ending).plan(Scene(Ego(25.0, d_m=3.75, s_m=50.0)), "left").refusal.name == "lane-ends"

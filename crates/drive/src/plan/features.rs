@@ -144,7 +144,8 @@ pub fn features<F: Fn(usize, f64) -> ForecastPoint>(
 ///
 /// With β = Ẏ/V and φ̇ = Ÿ/V (Eq. 16), means over the samples l = 1 … η: H_sta of β², H_com of φ̇², H_col of
 /// Σ_m exp(σ₁ (ΔY/scale)² + σ₂ (ΔX/scale)²); H_tra = 0.05 s · t_c. Of the others, the mean squared jerk, the largest |Ÿ| on the
-/// continuous path, and what the module `interaction` defines. One that is not selected is 0; the paper's always are computed.
+/// continuous path, and what the module `interaction` defines. Of those that need the others beside the collision risk, one
+/// that is not selected is 0.
 ///
 /// `out` has one vector for each motion. Motions of the same speed that follow each other share their work.
 pub fn features_of_set<F: Fn(usize, f64) -> ForecastPoint>(
