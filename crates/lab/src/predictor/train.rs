@@ -1,7 +1,7 @@
 //! Training: mini-batches of samples, a robust loss of the error at each horizon, Adam with a rate that falls to zero.
 //!
-//! The loss of an error e at the horizon h is Huber's (1964) of e/h: a mean speed error in m/s, quadratic up to 1 m/s, so that the rare driver
-//! who brakes hard does not outweigh all others. Each sample is drawn with left and right exchanged in half of the cases, and in
+//! The loss of an error e at the horizon h is Huber's (1964) of e/h, a mean speed error in m/s: quadratic only near zero, so that what falls
+//! is the mean distance, by which forecasts are judged, and the rare driver who brakes hard does not outweigh all others. Each sample is drawn with left and right exchanged in half of the cases, and in
 //! some with its history cut short, as at the start of an episode.
 
 use lanecraft_drive::predict::lstm::{FEATURES, FRAMES, LstmModel, OUTPUTS};
@@ -14,6 +14,8 @@ use super::samples::{HORIZONS_S, Sample, TOLD, effects};
 
 /// Errors across the road are a tenth of those along it, and matter as much.
 const ACROSS_WEIGHT: f32 = 4.0;
+/// Mean speed error above which the loss is linear, m/s: a tenth of that of constant velocity on a freeway.
+const BEND_MPS: f32 = 0.05;
 /// Share of the draws whose history is cut short.
 const SHORTENED: f64 = 0.25;
 /// Features that change their sign when left and right are exchanged: lateral offset, lateral speed and signal.
@@ -155,9 +157,13 @@ impl Learner {
     }
 }
 
-/// Huber's loss with a bend at 1, and its slope.
-fn huber(error: f32) -> (f32, f32) {
-    if error.abs() <= 1.0 { (0.5 * error * error, error) } else { (error.abs() - 0.5, error.signum()) }
+/// Huber's loss, and its slope.
+fn huber(error_mps: f32) -> (f32, f32) {
+    if error_mps.abs() <= BEND_MPS {
+        (0.5 * error_mps * error_mps / BEND_MPS, error_mps / BEND_MPS)
+    } else {
+        (error_mps.abs() - 0.5 * BEND_MPS, error_mps.signum())
+    }
 }
 
 #[cfg(test)]
