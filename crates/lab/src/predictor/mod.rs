@@ -55,7 +55,7 @@ pub struct PredictorConfig {
 
 impl Default for PredictorConfig {
     fn default() -> Self {
-        Self { hidden: 64, epochs: 20, batch: 64, learning_rate: 2e-3, scenarios: 24, scenario_s: 60.0 }
+        Self { hidden: 64, epochs: 15, batch: 64, learning_rate: 2e-3, scenarios: 10, scenario_s: 60.0 }
     }
 }
 
