@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import builtins
-import importlib
+import importlib.util
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -89,3 +91,18 @@ def test_the_table_of_exceptions_is_so():
     for name, base, _ in table("docs/python.md", "Exceptions")[:3]:
         kind = getattr(lanecraft, name.strip("`").removeprefix("lanecraft."))
         assert issubclass(kind, (lanecraft.LanecraftError, getattr(builtins, base.strip("`"))))
+
+
+@pytest.mark.parametrize("module", ["lanecraft.highway_env", "highway_env"])
+def test_the_script_of_the_way_over_runs_on_both_sides(module, tmp_path):
+    """The page's first script, in a process of its own: ids are registered once."""
+    script = snippets("docs/from-highway-env.md")[0]
+    if importlib.util.find_spec(module) is None:
+        pytest.skip(f"{module} is not installed")
+    assert "import lanecraft.highway_env\n" in script
+    path = tmp_path / "script.py"
+    path.write_text(script.replace("import lanecraft.highway_env\n", f"import {module}\n"), encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, path], capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert "'on_road_reward': 1.0" in done.stdout

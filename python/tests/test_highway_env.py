@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import os
 import pickle
 import subprocess
 import sys
@@ -293,4 +294,5 @@ assert isinstance(gymnasium.make("highway-v0").unwrapped, compat.HighwayEnv)
 
 
 def test_ids_of_highway_env_stay_until_told():
-    subprocess.run([sys.executable, "-c", IN_ORDER], check=True)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    subprocess.run([sys.executable, "-c", IN_ORDER], check=True, env=environment)
