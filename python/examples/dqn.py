@@ -2,7 +2,7 @@
 
     pip install torch
     python examples/dqn.py                       # learns, then drives 500 unseen episodes beside two rules
-    python examples/dqn.py --seed 2 --steps 400000
+    python examples/dqn.py --seed 2 --steps 300000
     python examples/dqn.py --preset default      # the whole loop: planner, controllers, shield
 
 Actions that the mask forbids are neither taken nor bootstrapped from. A truncated episode goes on unseen, so that only a collision stops
@@ -33,19 +33,19 @@ class Args:
 
     preset: str = "fast"
     seed: int = 1
-    steps: int = 200_000
+    steps: int = 120_000
     num_envs: int = 32
-    discount: float = 0.95
-    learning_rate: float = 5e-4
+    discount: float = 0.9
+    learning_rate: float = 3e-4
     batch: int = 256
     replay: int = 50_000
     #: Steps of all environments together before learning begins.
     warm_up: int = 3_200
-    #: Updates of the target network's copy, in updates.
-    target_period: int = 200
+    #: Updates from one copy of the target network to the next.
+    target_period: int = 500
     #: Share of the steps over which the share of random actions falls from 1 to its last value.
-    exploration: float = 0.4
-    last_random: float = 0.05
+    exploration: float = 0.6
+    last_random: float = 0.02
     #: Updates for each step of all environments.
     updates: int = 2
     episodes: int = 500

@@ -34,7 +34,7 @@ class Args:
 
     preset: str = "fast"
     seed: int = 1
-    steps: int = 400_000
+    steps: int = 300_000
     num_envs: int = 64
     #: Steps of each environment between two updates.
     rollout: int = 32
