@@ -107,15 +107,14 @@ def train(args: Args) -> nn.Module:
     torch.set_num_threads(1)  # networks so small lose by more
     rng = np.random.default_rng(args.seed)
     envs = lanecraft.VectorEnv(args.num_envs, preset=args.preset, autoreset_mode="SameStep")
-    size = math.prod(envs.single_observation_space.shape)
-    actions = int(envs.single_action_space.n)
+    observations, infos = envs.reset(seed=args.seed)
+    size, actions = observations[0].size, infos["action_mask"].shape[1]
     net, target = network(size, actions), network(size, actions)
     target.load_state_dict(net.state_dict())
     optimizer = torch.optim.Adam(net.parameters(), args.learning_rate)
     replay, act, updates = Replay(args.replay, size, actions), greedy(net), 0
     returns, running, start = [], np.zeros(args.num_envs), time.perf_counter()
 
-    observations, infos = envs.reset(seed=args.seed)
     for step in range(0, args.steps, args.num_envs):
         masks = infos["action_mask"].astype(bool)
         share = max(args.last_random, 1.0 - (1.0 - args.last_random) * step / (args.exploration * args.steps))

@@ -121,15 +121,14 @@ def train(args: Args) -> Agent:
     torch.manual_seed(args.seed)
     torch.set_num_threads(1)  # networks so small lose by more
     envs = lanecraft.VectorEnv(args.num_envs, preset=args.preset, autoreset_mode="SameStep")
-    size = math.prod(envs.single_observation_space.shape)
-    actions = int(envs.single_action_space.n)
+    observations, infos = envs.reset(seed=args.seed)
+    size, actions = observations[0].size, infos["action_mask"].shape[1]
     agent = Agent(size, actions)
     optimizer = torch.optim.Adam(agent.parameters(), args.learning_rate, eps=1e-5)
     rollout = Rollout.empty(args.rollout, args.num_envs, size, actions)
     updates = max(args.steps // (args.rollout * args.num_envs), 1)
     returns, running, start = [], np.zeros(args.num_envs), time.perf_counter()
 
-    observations, infos = envs.reset(seed=args.seed)
     for number in range(updates):
         optimizer.param_groups[0]["lr"] = args.learning_rate * (1.0 - number / updates)
         for step in range(args.rollout):
