@@ -72,9 +72,9 @@ fn both_seats_reach_the_same_end_of_an_episode() {
     let (mut ticks, mut commands) = (env(LONELY, 4.0, 3), env(LONELY, 4.0, 3));
     let keep = path(ticks.ego().d_m, 25.0);
     let coast = ControlInput::default();
-    let steps = (1..).find(|_| ticks.step_path(&keep).expect("it can be driven").truncated);
+    let steps = (1..1000).find(|_| ticks.step_path(&keep).expect("it can be driven").truncated);
     assert_eq!(steps, Some(8));
-    let steps = (1..).find(|_| commands.step_control(&coast).expect("it can be driven").truncated);
+    let steps = (1..1000).find(|_| commands.step_control(&coast).expect("it can be driven").truncated);
     assert_eq!(steps, Some(80));
     assert_eq!(commands.step_control(&coast), Err(StepError::Over));
     assert_eq!(ticks.step_path(&keep), Err(StepError::Over));
@@ -109,7 +109,7 @@ fn whatever_is_handed_in_nobody_is_run_into() {
             let _ =
                 steered.step_control(&ControlInput { accel_mps2, steer_rad: 0.0 }).expect("it is within the bounds");
         }
-        for env in [planned, steered] {
+        for env in [&planned, &steered] {
             let at_fault = env.episode().collision.is_some_and(|collision| collision.fault.at_fault());
             assert!(!at_fault, "seed {seed}: {:?}", env.episode().collision);
         }

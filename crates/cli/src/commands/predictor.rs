@@ -216,6 +216,8 @@ fn write(report: &StudyReport, folder: &Path, output: Output) -> anyhow::Result<
     let path = folder.join(format!("{}.md", report.name));
     atomic::write(&path, format!("{}\n{}\n", markdown.join("\n"), report.summary).as_bytes())?;
     written.push(path);
-    written.iter().for_each(|path| output.note(&format!("wrote {}", path.display())));
+    for path in &written {
+        output.note(&format!("wrote {}", path.display()));
+    }
     Ok(())
 }

@@ -172,7 +172,9 @@ mod tests {
 
     fn sample(stream: &mut Stream) -> Sample {
         let mut told = [0.0; TOLD];
-        told.iter_mut().for_each(|value| *value = stream.range(-1.0, 1.0) as f32);
+        for value in &mut told {
+            *value = stream.range(-1.0, 1.0) as f32;
+        }
         // Who goes faster than others in the last instant brakes, beyond sight for the last two horizons.
         let brake_mps2 = 0.5 * f64::from(told[TOLD - FEATURES]);
         let mut off_m = HORIZONS_S.map(|horizon_s| Some([(-0.5 * brake_mps2 * horizon_s * horizon_s) as f32, 0.0]));
