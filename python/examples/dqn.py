@@ -36,18 +36,18 @@ class Args:
     steps: int = 120_000
     num_envs: int = 32
     discount: float = 0.9
-    learning_rate: float = 3e-4
+    learning_rate: float = 1e-3
     batch: int = 256
-    replay: int = 50_000
+    replay: int = 100_000
     #: Steps of all environments together before learning begins.
     warm_up: int = 3_200
     #: Updates from one copy of the target network to the next.
     target_period: int = 500
     #: Share of the steps over which the share of random actions falls from 1 to its last value.
-    exploration: float = 0.6
+    exploration: float = 0.5
     last_random: float = 0.02
     #: Updates for each step of all environments.
-    updates: int = 2
+    updates: int = 4
     episodes: int = 500
 
 
@@ -134,6 +134,7 @@ def train(args: Args) -> nn.Module:
         returns += running[ends].tolist()
         running[ends] = 0.0
 
+        optimizer.param_groups[0]["lr"] = args.learning_rate * (1.0 - step / args.steps)
         for _ in range(args.updates if replay.added >= args.warm_up else 0):
             optimizer.zero_grad()
             loss(net, target, replay.sample(rng, args.batch), args.discount).backward()
