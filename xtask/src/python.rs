@@ -7,8 +7,7 @@ use anyhow::{Context as _, bail};
 use super::{command, execute, root};
 
 /// What the tests need beside what the package itself needs.
-const TOOLS: [&str; 5] =
-    ["maturin>=1.9.4,<2", "pytest>=8,<10", "mypy>=1.15,<3", "pyright>=1.1.400,<2", "nbclient>=0.10,<1"];
+const TOOLS: [&str; 5] = ["maturin>=1.9.4,<2", "pytest>=8,<10", "mypy>=1.15,<3", "pyright>=1.1.400,<2", "pandas>=2,<4"];
 /// What a test with Stable-Baselines3 needs: some gigabytes.
 const SB3_TOOLS: [&str; 2] = ["stable-baselines3>=2.4", "sb3-contrib>=2.4"];
 
@@ -19,16 +18,17 @@ pub(crate) fn python(arguments: &[&str]) -> anyhow::Result<()> {
     let folder = root().join("target/python");
     let programs = virtual_environment(&folder, !with_sb3.is_empty())?;
     install_wheel(&folder, &programs)?;
-    let package = root().join("python");
+    // In this folder the installed package is found, not the sources, which have no compiled half.
+    let tests = root().join("python/tests");
     let run = |program: &str, arguments: &[&str]| {
-        execute(command(&text(&programs.join(program)), arguments).current_dir(&package), "")
+        execute(command(&text(&programs.join(program)), arguments).current_dir(&tests), "")
     };
     run("python", &[["-m", "pytest"].as_slice(), &arguments].concat())?;
     if !arguments.is_empty() {
         return Ok(());
     }
     run("python", &["-m", "mypy.stubtest", "lanecraft._lanecraft"])?;
-    run("pyright", &["--pythonpath", &text(&programs.join("python"))])
+    run("pyright", &["--project", "..", "--pythonpath", &text(&programs.join("python"))])
 }
 
 /// A virtual environment with the tools, made where it is missing; the folder of its programs.

@@ -96,7 +96,7 @@ const REFUSED: &[(&str, &[&str])] = &[
     ("report broken", &["broken/manifest.json is broken"]),
     ("replay missing.json", &["there is no such file"]),
     ("replay photos", &["this is a folder"]),
-    ("irl fit --data nowhere", &["there is no such folder"]),
+    ("irl fit --data nowhere", &["there is nothing of this name"]),
     ("--data nowhere", &["there is no such folder"]),
     ("traffic calibrate --data nowhere", &["there is no such folder"]),
     ("traffic calibrate --data photos", &["photos/traffic.csv.gz", "cannot be opened"]),
