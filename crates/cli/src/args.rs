@@ -12,7 +12,7 @@ use crate::commands::Command;
 const EXAMPLES: &str = "\
 Examples:
   lanecraft                                        learn, drive and report, with nothing else needed
-  lanecraft irl fit --synthetic --json             fit the human reward to made-up drivers
+  lanecraft irl fit --json                         fit the human reward to made-up drivers
   lanecraft train --out runs/mine --seed 3         train a policy
   lanecraft train --out runs/mine --resume         go on after an interruption
   lanecraft evaluate runs/mine rule:best-lane      compare it with a rule on the same scenarios

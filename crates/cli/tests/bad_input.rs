@@ -105,7 +105,6 @@ const REFUSED: &[(&str, &[&str])] = &[
         "--set traffic.time_headway_s.max=0.5",
         &["`traffic.time_headway_s.min` is 1, above `traffic.time_headway_s.max`"],
     ),
-    ("irl fit --data photos --synthetic", &["cannot be used with"]),
     ("train", &["--out"]),
     ("scenario check gone.toml", &["there is no such file"]),
     ("scenario check misspelt.toml", &["misspelt.toml:1:", "`training`"]),
