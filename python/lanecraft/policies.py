@@ -11,6 +11,7 @@ True
 from __future__ import annotations
 
 from os import PathLike, fspath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,9 @@ from ._lanecraft import EnvCore, PolicyCore
 from .errors import ActionError
 
 __all__ = ["Policy", "load"]
+
+#: Folders of runs that come with the package.
+_SHIPPED = Path(__file__).parent / "models"
 
 
 class Policy(PolicyCore):
@@ -74,12 +78,17 @@ def load(name: str | PathLike[str]) -> Policy:
     """The policy of this name.
 
     Args:
-        name: ``"rule:keep-lane"``, ``"rule:random"``, ``"rule:idm-mobil"``, ``"rule:best-lane"``, or the folder of a finished run.
+        name: ``"rule:keep-lane"``, ``"rule:random"``, ``"rule:idm-mobil"``, ``"rule:best-lane"``, the folder of a finished run, or
+            ``"highway"``, a trained driver for the default preset that comes with the package.
 
     Raises:
         ConfigError: there is no such rule, or the folder holds no finished run.
     """
-    return Policy(fspath(name))
+    path = fspath(name)
+    shipped = {folder.name: folder for folder in _SHIPPED.iterdir()}
+    if path in shipped and not Path(path).exists():
+        path = str(shipped[path])
+    return Policy(path)
 
 
 def _masks(masks: ArrayLike | None, batch: tuple[int, ...], actions: int) -> NDArray[np.bool_]:

@@ -146,3 +146,13 @@ def test_a_rule_acts_only_where_there_is_something_to_act_in():
     fast.reset(seed=1)
     with pytest.raises(TypeError):
         rule.act(fast)
+
+
+def test_the_driver_that_comes_with_the_package_drives():
+    driver = policies.load("highway")
+    env = lanecraft.Env(masked_actions="raise")
+    observation, info = env.reset(seed=1)
+    for _ in range(20):
+        assert driver.predict(observation, info["action_mask"]) == driver.act(env)
+        observation, *_, info = env.step(driver.act(env))
+    assert info["speed_mps"] > 15.0

@@ -69,6 +69,17 @@ fn modules_of_drive_name_only_those_below_them() {
     }
 }
 
+/// The Python package binds the lab, and the parts that can be used alone.
+const PYTHON: &[&str] = &["lanecraft-lab", "lanecraft-drive", "lanecraft-learn", "lanecraft-qp"];
+
+#[test]
+fn the_python_package_uses_what_it_binds() {
+    let manifest = root().join("python/Cargo.toml");
+    for used in workspace_crates(&fs::read_to_string(&manifest).unwrap()) {
+        assert!(PYTHON.contains(&used.as_str()), "{}: must not depend on `{used}`", manifest.display());
+    }
+}
+
 #[test]
 fn crates_use_only_those_below_them() {
     let folders: BTreeSet<String> = fs::read_dir(root().join("crates"))
