@@ -4,6 +4,8 @@
 //! It is handed a [`Scene`] and answers with a [`ControlInput`]; it never sees the world.
 
 mod activity;
+mod counts;
+mod part;
 
 use std::sync::Arc;
 
@@ -25,6 +27,8 @@ use crate::vehicle::{ControlInput, VehicleParams};
 
 use activity::{Activity, HandedPath};
 pub use activity::{Change, PathBounds, PathCommand};
+pub use counts::DriverCounts;
+pub use part::Part;
 
 /// Everything that shapes a driver.
 #[derive(Clone, Debug)]
@@ -47,55 +51,6 @@ pub struct DriverSetup<'a> {
     pub control_period_s: f64,
 }
 
-/// A part of the loop, for those who measure where time goes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Part {
-    /// From the world to the scene.
-    Perception,
-    /// From the scene to the forecast.
-    Forecast,
-    /// Windows and choice of lane-change paths.
-    Planner,
-    /// The longitudinal controller.
-    LongitudinalMpc,
-    /// The lateral controller.
-    LateralMpc,
-    /// The guard.
-    Guard,
-    /// The car's dynamics.
-    Plant,
-    /// The other vehicles.
-    Traffic,
-}
-
-impl Part {
-    /// All parts in the order of the loop.
-    pub const ALL: [Self; 8] = [
-        Self::Perception,
-        Self::Forecast,
-        Self::Planner,
-        Self::LongitudinalMpc,
-        Self::LateralMpc,
-        Self::Guard,
-        Self::Plant,
-        Self::Traffic,
-    ];
-
-    /// Its name in reports.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Perception => "perception",
-            Self::Forecast => "forecast",
-            Self::Planner => "planner",
-            Self::LongitudinalMpc => "longitudinal MPC",
-            Self::LateralMpc => "lateral MPC",
-            Self::Guard => "guard",
-            Self::Plant => "plant",
-            Self::Traffic => "traffic",
-        }
-    }
-}
-
 /// Why a lane change is not on offer.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Denial {
@@ -103,30 +58,6 @@ pub enum Denial {
     Planner(Refusal),
     /// The shield forbids it.
     Shield(ShieldCause),
-}
-
-/// What did not go as planned since the start of the episode.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct DriverCounts {
-    /// Lane changes begun.
-    pub lane_changes: u32,
-    /// Lane changes aborted.
-    pub aborts: u32,
-    /// Lane changes asked for and refused by the planner.
-    pub refusals: u32,
-    /// Ticks in which the shield forbade a lane change that the planner allowed.
-    pub shield: u32,
-    /// Control steps in which the guard changed the command or called off a lane change, by [`GuardCause`].
-    pub guard: [u32; GuardCause::ALL.len()],
-    /// Control steps by the rung of the ladder of fall-backs that the worse controller ended on, beyond `Solved`.
-    pub fallbacks: [u32; 4],
-}
-
-impl DriverCounts {
-    /// Control steps in which the guard braked in place of the command.
-    pub fn guard_interventions(&self) -> u32 {
-        GuardCause::ALL.into_iter().filter(|cause| cause.brakes()).map(|cause| self.guard[cause as usize]).sum()
-    }
 }
 
 /// The ego car's mind.
