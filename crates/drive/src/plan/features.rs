@@ -7,8 +7,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::interaction::Interaction;
-use super::motion::{Course, Motion};
+use super::interaction::{INTERACTIONS, Interaction};
+use super::motion::Motion;
 use crate::config::{ConfigError, check_range};
 use crate::predict::ForecastPoint;
 
@@ -31,7 +31,8 @@ pub const FEATURE_NAMES: [&str; FEATURES] = [
 /// How many of them are the paper's.
 pub const PAPER_FEATURES: usize = 4;
 
-/// Terms of the collision sum with an exponent below this are left out: each is below 2e-4, against sums of about 0.5.
+/// Terms of the collision sum with an exponent below this are left out, so that H_col is too small by at most e⁻⁹ ≈ 1.2e-4 for each
+/// vehicle, against sums of about 0.5.
 const NEGLIGIBLE_EXPONENT: f64 = -9.0;
 
 /// Sampling step that makes H_tra = t_c²/η the printed values of Table IV (0.05 t_c), s.
@@ -156,122 +157,170 @@ pub fn features_of_set<F: Fn(usize, f64) -> ForecastPoint>(
     out: &mut [[f64; FEATURES]],
 ) {
     debug_assert_eq!(motions.len(), out.len());
+    let factors = config.unit_factors();
     let mut rest = out;
     for same_course in motions.chunk_by(|a, b| a.course() == b.course()) {
         let (sums, later) = rest.split_at_mut(same_course.len());
-        add_alone(config, same_course, sums);
-        add_among(config, selection, same_course, others, sums);
+        let mut course = SampledCourse::new(config, same_course, others);
+        for (motion, sums) in same_course.iter().zip(sums.iter_mut()) {
+            *sums = course.features(motion, config.samples(motion.lateral.duration_s));
+        }
+        if let Some(mut interaction) = Interaction::new(selection, config.lateral_scale_m) {
+            add_interaction(config, &mut interaction, same_course, others, sums);
+        }
+        for (sum, factor) in sums.iter_mut().flat_map(|sums| sums.iter_mut().zip(factors)) {
+            *sum *= factor;
+        }
         rest = later;
     }
 }
 
-/// What a path is without the others.
-fn add_alone(config: &FeatureConfig, motions: &[Motion], out: &mut [[f64; FEATURES]]) {
-    for (motion, sums) in motions.iter().zip(out) {
-        *sums = own_motion(config, motion);
-    }
-}
-
-/// What a path is among the others, and the units; all `motions` have the course of the first one.
-fn add_among<F: Fn(usize, f64) -> ForecastPoint>(
+/// Means of what `interaction` sees; all `motions` have the course of the first one.
+fn add_interaction<F: Fn(usize, f64) -> ForecastPoint>(
     config: &FeatureConfig,
-    selection: &Selection,
+    interaction: &mut Interaction,
     motions: &[Motion],
     others: &Surroundings<F>,
     out: &mut [[f64; FEATURES]],
 ) {
     let course = motions[0].course();
-    let samples: Vec<u32> = motions.iter().map(|motion| config.samples(motion.lateral.duration_s)).collect();
-    let mut near = Near::new(config);
-    let mut interaction = Interaction::new(selection, config.lateral_scale_m);
-    for sample in 1..=samples.iter().copied().max().unwrap_or(0) {
+    for sample in 1..=most_samples(config, motions) {
         let time_s = f64::from(sample) * config.sample_step_s;
-        near.at(time_s, &course, others);
         interaction.at(time_s, &course, others);
-        for ((motion, &samples), sums) in motions.iter().zip(&samples).zip(out.iter_mut()) {
-            if sample > samples || (near.is_empty() && interaction.is_empty()) {
-                continue;
+        for (motion, sums) in motions.iter().zip(out.iter_mut()) {
+            if sample <= config.samples(motion.lateral.duration_s) {
+                interaction.add(motion.lateral.at(time_s).0, sums);
             }
-            let d_m = motion.lateral.at(time_s).0;
-            sums[1] += near.potential(d_m);
-            interaction.add(d_m, sums);
         }
     }
-    let factors = config.unit_factors();
-    for (&samples, sums) in samples.iter().zip(out.iter_mut()) {
-        for index in [1, 6, 7, 8] {
-            sums[index] /= f64::from(samples);
-        }
-        for (sum, factor) in sums.iter_mut().zip(factors) {
-            *sum *= factor;
+    for (motion, sums) in motions.iter().zip(out) {
+        for sum in &mut sums[FEATURES - INTERACTIONS..] {
+            *sum /= f64::from(config.samples(motion.lateral.duration_s));
         }
     }
 }
 
-/// The vehicles whose longitudinal distance lets them count in the collision sum.
-struct Near {
+/// Largest number of samples of one of `motions`.
+fn most_samples(config: &FeatureConfig, motions: &[Motion]) -> u32 {
+    motions.iter().map(|motion| config.samples(motion.lateral.duration_s)).max().unwrap_or(0)
+}
+
+/// What all motions of one course share, by sample: the way along the road, and the others' distances along it.
+struct SampledCourse {
+    /// Time (s), 1/V (s/m) and squared jerk along the road (m²/s⁶).
+    instants: Vec<(f64, f64, f64)>,
+    near: Vec<Near>,
+    /// σ₁/scale², 1/m².
     lateral: f64,
-    longitudinal: f64,
-    /// Longitudinal exponent and lateral position, m.
-    vehicles: Vec<(f64, f64)>,
+    /// Room to work in, by sample: lateral position of the motion looked at (m), and exponents of its risk.
+    d_m: Vec<f64>,
+    exponents: Vec<f64>,
+}
+
+impl SampledCourse {
+    /// Of `motions`, which all have the course of the first one.
+    fn new<F: Fn(usize, f64) -> ForecastPoint>(
+        config: &FeatureConfig,
+        motions: &[Motion],
+        others: &Surroundings<F>,
+    ) -> Self {
+        let course = motions[0].course();
+        let instants: Vec<_> = (1..=most_samples(config, motions))
+            .map(|sample| {
+                let time_s = f64::from(sample) * config.sample_step_s;
+                let (_, speed_mps, jerk) = course.at(time_s);
+                (time_s, 1.0 / speed_mps, jerk * jerk)
+            })
+            .collect();
+        let longitudinal = config.sigma_longitudinal / (config.longitudinal_scale_m * config.longitudinal_scale_m);
+        let track = |vehicle: usize| {
+            let point = |&(time_s, ..): &(f64, f64, f64)| {
+                let ForecastPoint { ahead_m, d_m, .. } = (others.at)(vehicle, time_s);
+                let along_m = ahead_m - course.at(time_s).0;
+                (longitudinal * along_m * along_m, d_m)
+            };
+            Near::new(instants.iter().map(point).collect())
+        };
+        let near = (0..others.half_lengths_m.len()).filter_map(track).collect();
+        let lateral = config.sigma_lateral / (config.lateral_scale_m * config.lateral_scale_m);
+        let [d_m, exponents] = [(); 2].map(|()| Vec::with_capacity(instants.len()));
+        Self { instants, near, lateral, d_m, exponents }
+    }
+
+    /// The features of `motion` without those of its interaction.
+    fn features(&mut self, motion: &Motion, samples: u32) -> [f64; FEATURES] {
+        let (mut heading, mut yaw_rate, mut jerk) = (0.0, 0.0, 0.0);
+        self.d_m.resize(samples as usize, 0.0);
+        for (&(time_s, per_speed, along_jerk2), at_m) in self.instants.iter().zip(&mut self.d_m) {
+            let (d_m, speed, accel, lateral_jerk) = motion.lateral.at(time_s);
+            heading += (speed * per_speed) * (speed * per_speed);
+            yaw_rate += (accel * per_speed) * (accel * per_speed);
+            jerk += lateral_jerk * lateral_jerk + along_jerk2;
+            *at_m = d_m;
+        }
+        let count = f64::from(samples);
+        let travel = TRAVEL_STEP_S * motion.lateral.duration_s;
+        let peak_mps2 = motion.lateral.max_accel_mps2();
+        [heading / count, self.collision() / count, yaw_rate / count, travel, jerk / count, peak_mps2, 0.0, 0.0, 0.0]
+    }
+
+    /// Sum of the potentials of all others on the path `d_m`.
+    fn collision(&mut self) -> f64 {
+        self.near.iter().map(|near| near.risk(self.lateral, &self.d_m, &mut self.exponents)).sum()
+    }
+}
+
+/// A vehicle whose longitudinal distance lets it count in the collision sum.
+struct Near {
+    /// Before this sample it is too far away.
+    first: usize,
+    /// From then on to the last sample at which it is near: longitudinal exponent and lateral position, m.
+    track: Vec<(f64, f64)>,
 }
 
 impl Near {
-    fn new(config: &FeatureConfig) -> Self {
-        let by_scale = |sigma: f64, scale_m: f64| sigma / (scale_m * scale_m);
-        Self {
-            lateral: by_scale(config.sigma_lateral, config.lateral_scale_m),
-            longitudinal: by_scale(config.sigma_longitudinal, config.longitudinal_scale_m),
-            vehicles: Vec::new(),
-        }
+    /// None of a vehicle that is always too far away.
+    fn new(mut track: Vec<(f64, f64)>) -> Option<Self> {
+        let (first, last) = ends_of_what_counts(&track, |point| point.0)?;
+        track.truncate(last + 1);
+        track.drain(..first);
+        Some(Self { first, track })
     }
 
-    fn at<F: Fn(usize, f64) -> ForecastPoint>(&mut self, time_s: f64, course: &Course, others: &Surroundings<F>) {
-        let way_m = course.at(time_s).0;
-        self.vehicles.clear();
-        self.vehicles.extend((0..others.half_lengths_m.len()).filter_map(|vehicle| {
-            let point = (others.at)(vehicle, time_s);
-            let along_m = point.ahead_m - way_m;
-            let exponent = self.longitudinal * along_m * along_m;
-            (exponent >= NEGLIGIBLE_EXPONENT).then_some((exponent, point.d_m))
+    /// Σ exp(longitudinal exponent + `lateral` · ΔY²) over the samples of the path `d_m`; `exponents` is room to work in.
+    fn risk(&self, lateral: f64, d_m: &[f64], exponents: &mut Vec<f64>) -> f64 {
+        exponents.clear();
+        exponents.extend(d_m.iter().skip(self.first).zip(&self.track).map(|(d_m, (along, other_d_m))| {
+            let across_m = d_m - other_d_m;
+            along + lateral * across_m * across_m
         }));
-    }
-
-    fn is_empty(&self) -> bool {
-        self.vehicles.is_empty()
-    }
-
-    /// Σ exp(longitudinal exponent + lateral · ΔY²).
-    fn potential(&self, d_m: f64) -> f64 {
-        let mut sum = 0.0;
-        for &(longitudinal_exponent, vehicle_d_m) in &self.vehicles {
-            let across_m = d_m - vehicle_d_m;
-            let exponent = longitudinal_exponent + self.lateral * across_m * across_m;
-            if exponent >= NEGLIGIBLE_EXPONENT {
-                sum += libm::exp(exponent);
-            }
+        let Some((first, last)) = ends_of_what_counts(exponents, |exponent| *exponent) else { return 0.0 };
+        let terms = &mut exponents[first..=last];
+        for term in &mut *terms {
+            *term = exp_unless_negligible(*term);
         }
-        sum
+        terms.iter().sum()
     }
 }
 
-/// The features of the path alone; those among the others are 0.
-fn own_motion(config: &FeatureConfig, motion: &Motion) -> [f64; FEATURES] {
-    let (samples, course) = (config.samples(motion.lateral.duration_s), motion.course());
-    let (mut heading, mut yaw_rate, mut jerk) = (0.0, 0.0, 0.0);
-    for sample in 1..=samples {
-        let time_s = f64::from(sample) * config.sample_step_s;
-        let (_, speed, accel, lateral_jerk) = motion.lateral.at(time_s);
-        let (_, speed_mps, along_jerk) = course.at(time_s);
-        let per_speed = 1.0 / speed_mps;
-        heading += (speed * per_speed) * (speed * per_speed);
-        yaw_rate += (accel * per_speed) * (accel * per_speed);
-        jerk += lateral_jerk * lateral_jerk + along_jerk * along_jerk;
+/// Where the first and the last of `items` stand whose exponent is not negligible.
+fn ends_of_what_counts<T>(items: &[T], exponent: impl Fn(&T) -> f64) -> Option<(usize, usize)> {
+    let counts = |item: &T| exponent(item) >= NEGLIGIBLE_EXPONENT;
+    Some((items.iter().position(counts)?, items.iter().rposition(counts)?))
+}
+
+/// exp(`exponent`) of an exponent from [`NEGLIGIBLE_EXPONENT`] to 0 with a relative error below 1e-11, and 0 below that.
+///
+/// exp(x) = exp(x/256)²⁵⁶ with the Taylor polynomial of sixth degree, whose remainder (9/256)⁷/7! becomes 256 times as large. There
+/// is no branch and no table, so that compilers evaluate it for several samples at once.
+fn exp_unless_negligible(exponent: f64) -> f64 {
+    let x = exponent / 256.0;
+    let terms = [1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0];
+    let mut power = terms.into_iter().fold(0.0, |sum, term| sum * x + term);
+    for _ in 0..8 {
+        power *= power;
     }
-    let count = f64::from(samples);
-    let travel = TRAVEL_STEP_S * motion.lateral.duration_s;
-    let peak_mps2 = motion.lateral.max_accel_mps2();
-    [heading / count, 0.0, yaw_rate / count, travel, jerk / count, peak_mps2, 0.0, 0.0, 0.0]
+    if exponent >= NEGLIGIBLE_EXPONENT { power } else { 0.0 }
 }
 
 #[cfg(test)]
@@ -323,6 +372,36 @@ mod tests {
         // Half way the car is half a lane aside: exponents −3/4 − 1/8, then −1/8.
         let expected = 0.5 * (libm::exp(-0.875) + libm::exp(-0.125));
         assert!((h[1] - expected).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_exponential_is_that_of_libm_down_to_what_is_negligible() {
+        for k in 0..=9000 {
+            let exponent = -0.001 * f64::from(k);
+            let ratio = exp_unless_negligible(exponent) / libm::exp(exponent);
+            assert!((ratio - 1.0).abs() < 1e-11, "{exponent}: {ratio}");
+        }
+        // Beyond the bound the polynomial is far off, and must not show.
+        for exponent in [-9.001, -50.0, -1e4, -1e300, f64::NEG_INFINITY] {
+            assert_eq!(exp_unless_negligible(exponent), 0.0);
+        }
+    }
+
+    #[test]
+    fn what_the_collision_sum_leaves_out_is_negligible() {
+        let config = FeatureConfig::default();
+        let path = motion(25.0, 4.0);
+        // Passed on both sides, and one that comes near and falls back: the ends of what counts lie within the path.
+        let cars = [(60.0, 5.0), (-50.0, 50.0), (44.0, 20.0), (-45.0, 28.0), (300.0, 25.0)];
+        let exact_at = |time_s: f64| -> f64 {
+            let across = (path.lateral.at(time_s).0 - 3.75) / 3.75;
+            let along = |(ahead_m, speed_mps): (f64, f64)| (ahead_m + (speed_mps - 25.0) * time_s) / 10.0;
+            cars.iter().map(|&car| libm::exp(-3.0 * across * across - 0.5 * along(car) * along(car))).sum()
+        };
+        let exact = (1..=40).map(|sample| exact_at(0.1 * f64::from(sample))).sum::<f64>() / 40.0;
+        // At most e⁻⁹ for each vehicle that counts at some instants only.
+        let left_out = exact - among(&config, &path, &cars)[1];
+        assert!(left_out > 0.0 && left_out < 4.0 * libm::exp(-9.0), "{left_out} of {exact}");
     }
 
     #[test]

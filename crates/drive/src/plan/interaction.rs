@@ -15,6 +15,9 @@ const TIME_HEADWAY: usize = 6;
 const TIME_TO_COLLISION: usize = 7;
 const FOLLOWER: usize = 8;
 
+/// How many they are, the last ones of a vector.
+pub(super) const INTERACTIONS: usize = 3;
+
 /// Time headway at which the risk falls to 1/e, s.
 const HEADWAY_SCALE_S: f64 = 1.0;
 /// Largest inverse time to collision, 1/s.
@@ -36,16 +39,16 @@ struct Other {
 
 /// The others at one instant, for any path of one course.
 pub(super) struct Interaction {
-    wanted: bool,
     half_lane_m: f64,
     ego_mps: f64,
     others: Vec<Other>,
 }
 
 impl Interaction {
-    pub(super) fn new(selection: &Selection, lane_width_m: f64) -> Self {
+    /// None if `selection` has none of these features.
+    pub(super) fn new(selection: &Selection, lane_width_m: f64) -> Option<Self> {
         let wanted = selection[TIME_HEADWAY] || selection[TIME_TO_COLLISION] || selection[FOLLOWER];
-        Self { wanted, half_lane_m: 0.5 * lane_width_m, ego_mps: 0.0, others: Vec::new() }
+        wanted.then(|| Self { half_lane_m: 0.5 * lane_width_m, ego_mps: 0.0, others: Vec::new() })
     }
 
     /// Looks at all others at `time_s`.
@@ -56,9 +59,6 @@ impl Interaction {
         surroundings: &Surroundings<F>,
     ) {
         self.others.clear();
-        if !self.wanted {
-            return;
-        }
         let (way_m, ego_mps, _) = course.at(time_s);
         self.ego_mps = ego_mps;
         for (vehicle, half_lengths_m) in surroundings.half_lengths_m.iter().enumerate() {
@@ -69,10 +69,6 @@ impl Interaction {
                 self.others.push(Other { along_m, d_m, gap_m, speed_mps });
             }
         }
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.others.is_empty()
     }
 
     /// Adds what holds for a path that is at `d_m` now.

@@ -51,6 +51,7 @@ impl Quintic {
     }
 
     /// Position (m), speed (m/s), acceleration (m/s²) and jerk (m/s³) to the left at `time_s`; at rest outside of the duration.
+    #[inline]
     pub fn at(&self, time_s: f64) -> (f64, f64, f64, f64) {
         let t = time_s.clamp(0.0, self.duration_s);
         let [c0, c1, c2, c3, c4, c5] = self.coefficients;
