@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use lanecraft_lab::data::DataError;
 use lanecraft_lab::data::extract::extract;
-use lanecraft_lab::data::inspect::Inspection;
+use lanecraft_lab::data::inspect::inspect;
 use lanecraft_lab::data::read::read;
 use lanecraft_lab::data::recording::{Recording, Selection};
 use serde_json::json;
@@ -73,8 +73,11 @@ pub(crate) struct Inspect {
 
 impl Inspect {
     pub(crate) fn run(self) -> anyhow::Result<()> {
-        for recording in self.source.read()? {
-            let inspected = Inspection::of(&recording);
+        let mut inspections = Vec::new();
+        for path in &self.source.files {
+            inspections.extend(inspect(path, &self.source.sites)?);
+        }
+        for inspected in inspections {
             let text = if self.source.json { serde_json::to_string(&inspected)? } else { inspected.text() };
             answer(text.trim_end())?;
         }

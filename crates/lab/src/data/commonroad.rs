@@ -9,9 +9,10 @@ use std::path::Path;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
+use super::collect::{Collector, Held, Row, Source};
 use super::error::{DataError, XmlErrorKind};
 use super::events::RoadKind;
-use super::recording::{Collector, Format, Oddity, Recording, Row, Selection};
+use super::recording::{Format, Oddity};
 use super::table::{TableError, TableErrorKind};
 
 /// Allowed positions, m.
@@ -27,8 +28,8 @@ const STEPS_S: (f64, f64) = (0.01, 1.0);
 /// Types of obstacles with a motor, all that keep to lanes.
 const MOTOR_VEHICLES: [&str; 7] = ["car", "truck", "bus", "motorcycle", "priorityVehicle", "taxi", "unknown"];
 
-/// Reads the file at `path` as the site `name`.
-pub(super) fn read(path: &Path, name: &str, selection: &Selection) -> Result<Vec<Recording>, DataError> {
+/// Hands the rows of the file at `path` to `collector`, as the site `name`.
+pub(super) fn read<S: Held>(path: &Path, name: &str, collector: &mut Collector<'_, S>) -> Result<Source, DataError> {
     let file = super::table::content(path).map_err(|error| open_error(path, error))?;
     let counted = CountedLines { inner: BufReader::new(file), line: 1, column: 1 };
     let mut parser = Parser {
@@ -42,14 +43,14 @@ pub(super) fn read(path: &Path, name: &str, selection: &Selection) -> Result<Vec
         urban: false,
         ids: BTreeSet::new(),
         obstacle: None,
-        collector: Collector::new(path, selection),
+        collector,
     };
     let mut buffer = Vec::new();
     while parser.step(&mut buffer)? {
         buffer.clear();
     }
-    let (rate_hz, road) = (parser.rate_hz, if parser.urban { RoadKind::Arterial } else { RoadKind::Freeway });
-    parser.collector.finish(Format::Commonroad, rate_hz, |_| road)
+    let road: fn(&str) -> RoadKind = if parser.urban { |_| RoadKind::Arterial } else { |_| RoadKind::Freeway };
+    Ok(Source { format: Format::Commonroad, rate_hz: parser.rate_hz, road })
 }
 
 fn open_error(path: &Path, error: std::io::Error) -> TableError {
@@ -108,7 +109,7 @@ struct State {
     speed_mps: Option<f64>,
 }
 
-struct Parser<'a, R> {
+struct Parser<'a, 'b, R, S> {
     path: &'a Path,
     name: &'a str,
     reader: Reader<CountedLines<R>>,
@@ -121,10 +122,10 @@ struct Parser<'a, R> {
     urban: bool,
     ids: BTreeSet<u32>,
     obstacle: Option<Obstacle>,
-    collector: Collector<'a>,
+    collector: &'a mut Collector<'b, S>,
 }
 
-impl<R: BufRead> Parser<'_, R> {
+impl<R: BufRead, S: Held> Parser<'_, '_, R, S> {
     /// Takes the next tag or text; false at the end.
     fn step(&mut self, buffer: &mut Vec<u8>) -> Result<bool, DataError> {
         match self.reader.read_event_into(buffer) {
@@ -232,7 +233,7 @@ impl<R: BufRead> Parser<'_, R> {
         let (vehicle_id, rate_hz) = (obstacle.id, self.rate_hz);
         for (index, row) in obstacle.rows.iter().enumerate() {
             let speed_mps = if row.speed_mps.is_nan() { obstacle.speed_mps(index, rate_hz) } else { row.speed_mps };
-            self.collector.push(self.name, &Row { vehicle_id, length_m, width_m, speed_mps, ..*row })?;
+            self.collector.push(self.name, rate_hz, &Row { vehicle_id, length_m, width_m, speed_mps, ..*row })?;
         }
         Ok(())
     }

@@ -6,9 +6,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::collect::{Collector, Held, Row, Source};
 use super::error::DataError;
 use super::events::RoadKind;
-use super::recording::{Collector, Format, Oddity, Recording, Row, Selection};
+use super::recording::{Format, Oddity};
 use super::table::{Table, TableError, TableErrorKind};
 
 const TRACK_COLUMNS: [&str; 9] = ["frame", "id", "x", "y", "width", "height", "xVelocity", "yVelocity", "laneId"];
@@ -33,8 +34,8 @@ pub(super) fn tracks_of(path: &Path) -> Option<PathBuf> {
     Some(path.with_file_name(format!("{start}{}", ENDS[0])))
 }
 
-/// Reads the recording whose tracks are at `path`, as the site `name`.
-pub(super) fn read(path: &Path, name: &str, selection: &Selection) -> Result<Vec<Recording>, DataError> {
+/// Hands the rows of the recording whose tracks are at `path` to `collector`, as the site `name`.
+pub(super) fn read<S: Held>(path: &Path, name: &str, collector: &mut Collector<'_, S>) -> Result<Source, DataError> {
     let file = path.file_name().unwrap_or_default().to_string_lossy();
     let start = file.strip_suffix(ENDS[0]).unwrap_or(&file);
     let beside = |end: &str| path.with_file_name(format!("{start}{end}"));
@@ -49,7 +50,6 @@ pub(super) fn read(path: &Path, name: &str, selection: &Selection) -> Result<Vec
         return Err(recording.error(TableErrorKind::BadKey { key, problem }).into());
     }
     let mut table = Table::open(path, &TRACK_COLUMNS)?;
-    let mut collector = Collector::new(path, selection);
     while table.next()? {
         let id = table.index("id")?;
         let bad_key = |problem| table.error(TableErrorKind::BadKey { key: id.to_string(), problem });
@@ -59,11 +59,11 @@ pub(super) fn read(path: &Path, name: &str, selection: &Selection) -> Result<Vec
             return Err(bad_key("is here at a frame outside of those announced for it").into());
         }
         vehicle.missing -= 1;
-        collector.push(name, &row)?;
+        collector.push(name, rate_hz, &row)?;
     }
     let short = announced.values().filter(|vehicle| vehicle.missing > 0).count();
     collector.count(Oddity::ShorterThanAnnounced, short as u64);
-    collector.finish(Format::Highd, rate_hz, |_| RoadKind::Freeway)
+    Ok(Source { format: Format::Highd, rate_hz, road: |_| RoadKind::Freeway })
 }
 
 /// What is announced of a vehicle.

@@ -8,10 +8,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use super::collect::{Collector, Held, Row, Source};
 use super::error::DataError;
 use super::events::RoadKind;
-use super::recording::{Collector, Format, Oddity, Recording, Row, Selection};
-use super::table::{Layout, Table};
+use super::recording::{Format, Oddity};
+use super::table::{Column, Layout, Table, TableError};
 
 /// A foot, m.
 const FOOT_M: f64 = 0.3048;
@@ -54,44 +55,78 @@ const SIZES_FT: (f64, f64) = (1.0, 150.0);
 /// Allowed speeds, ft/s.
 const SPEEDS_FTPS: (f64, f64) = (0.0, 250.0);
 
-/// Reads the file at `path`; rows without a location belong to the site `name`.
-pub(super) fn read(
+/// Hands the rows of the file at `path` to `collector`; rows without a location belong to the site `name`.
+pub(super) fn read<S: Held>(
     path: &Path,
     layout: Layout,
     name: &str,
-    selection: &Selection,
-) -> Result<Vec<Recording>, DataError> {
+    collector: &mut Collector<'_, S>,
+) -> Result<Source, DataError> {
     let mut table = Table::open_as(path, layout, &READ)?;
-    let located = table.has("location");
-    let mut collector = Collector::new(path, selection);
-    // Rows seen and announced, by site, id and announcement.
+    let columns = Columns::of(&table)?;
+    // Rows seen, by id and announced number.
     let mut announced: BTreeMap<(u32, u32), u64> = BTreeMap::new();
     while table.next()? {
-        let row = row(&table)?;
-        *announced.entry((row.vehicle_id, table.grouped_index("total_frames")?)).or_default() += 1;
-        let location = if located { table.text("location")?.trim() } else { "" };
-        collector.push(if location.is_empty() { name } else { location }, &row)?;
+        let row = columns.row(&table)?;
+        *announced.entry((row.vehicle_id, table.grouped_index(columns.total)?)).or_default() += 1;
+        let location = columns.location.map_or("", |column| table.field(column).trim());
+        collector.push(if location.is_empty() { name } else { location }, RATE_HZ, &row)?;
     }
     let short = announced.iter().filter(|((_, total), seen)| u64::from(*total) > **seen).count();
     collector.count(Oddity::ShorterThanAnnounced, short as u64);
-    let format = if located { Format::Ngsim25 } else { Format::Ngsim18 };
-    collector.finish(format, RATE_HZ, |site| match site.to_ascii_lowercase().as_str() {
-        "lankershim" | "peachtree" => RoadKind::Arterial,
-        _ => RoadKind::Freeway,
-    })
+    let format = if columns.location.is_some() { Format::Ngsim25 } else { Format::Ngsim18 };
+    Ok(Source { format, rate_hz: RATE_HZ, road })
 }
 
-fn row(table: &Table) -> Result<Row, DataError> {
-    let feet = |column, range| table.grouped(column, range).map(|value| value * FOOT_M);
-    let length_m = feet("v_length", SIZES_FT)?;
-    Ok(Row {
-        vehicle_id: table.grouped_index("vehicle_id")?,
-        length_m,
-        width_m: feet("v_width", SIZES_FT)?,
-        frame: (table.grouped("global_time", TIMES_MS)? * RATE_HZ / 1e3).round() as i64,
-        lane: table.grouped_index("lane_id")?,
-        x_m: feet("local_y", ALONG_FT)? - length_m / 2.0,
-        y_m: -feet("local_x", ACROSS_FT)?,
-        speed_mps: feet("v_vel", SPEEDS_FTPS)?,
-    })
+fn road(site: &str) -> RoadKind {
+    match site.to_ascii_lowercase().as_str() {
+        "lankershim" | "peachtree" => RoadKind::Arterial,
+        _ => RoadKind::Freeway,
+    }
+}
+
+/// Where the columns that are read stand.
+struct Columns {
+    id: Column,
+    total: Column,
+    time: Column,
+    across: Column,
+    along: Column,
+    length: Column,
+    width: Column,
+    speed: Column,
+    lane: Column,
+    location: Option<Column>,
+}
+
+impl Columns {
+    fn of(table: &Table) -> Result<Self, TableError> {
+        Ok(Self {
+            id: table.column("vehicle_id")?,
+            total: table.column("total_frames")?,
+            time: table.column("global_time")?,
+            across: table.column("local_x")?,
+            along: table.column("local_y")?,
+            length: table.column("v_length")?,
+            width: table.column("v_width")?,
+            speed: table.column("v_vel")?,
+            lane: table.column("lane_id")?,
+            location: if table.has("location") { Some(table.column("location")?) } else { None },
+        })
+    }
+
+    fn row(&self, table: &Table) -> Result<Row, TableError> {
+        let feet = |column, range| table.grouped(column, range).map(|value| value * FOOT_M);
+        let length_m = feet(self.length, SIZES_FT)?;
+        Ok(Row {
+            vehicle_id: table.grouped_index(self.id)?,
+            length_m,
+            width_m: feet(self.width, SIZES_FT)?,
+            frame: (table.grouped(self.time, TIMES_MS)? * RATE_HZ / 1e3).round() as i64,
+            lane: table.grouped_index(self.lane)?,
+            x_m: feet(self.along, ALONG_FT)? - length_m / 2.0,
+            y_m: -feet(self.across, ACROSS_FT)?,
+            speed_mps: feet(self.speed, SPEEDS_FTPS)?,
+        })
+    }
 }

@@ -1,15 +1,18 @@
 //! Tracks of vehicles as recorded, whatever format they came in: positions of the centers of vehicles in a plane, in SI units.
 //!
 //! The plane is right-handed (y to the left of x), its origin and direction are the source's. A reader hands in one row after the other,
-//! in any order; only the rows that are kept lie in memory, 32 bytes each, and there is a limit to them.
+//! in any order; only the rows that are kept lie in memory, 32 bytes each, and there is a limit to them. Figures alone need no rows:
+//! [`super::inspect`] holds none.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Serialize;
 
+use super::collect::{ByVehicle, Collector, Held, Key, Source};
 use super::error::DataError;
 use super::events::RoadKind;
+use super::units;
 
 /// Format of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -80,6 +83,8 @@ pub enum Oddity {
     RepeatedRows,
     /// The same with other values; the first row stands.
     ConflictingRows,
+    /// Either of them, but so far behind the first one that it was not held any more to be compared.
+    LateRows,
     /// An id that a vehicle of another size, or one that had long gone, had before.
     IdsUsedAgain,
     /// Tracks with frames missing.
@@ -106,6 +111,7 @@ impl Oddity {
         match self {
             Self::RepeatedRows => "rows that repeat another one, dropped",
             Self::ConflictingRows => "rows that contradict an earlier one, dropped",
+            Self::LateRows => "rows that repeat or contradict one far ahead of them, dropped",
             Self::IdsUsedAgain => "ids used again for another vehicle, which got a new one",
             Self::TracksWithGaps => "tracks with gaps",
             Self::MissingFrames => "frames missing in these",
@@ -135,119 +141,64 @@ impl Default for Selection {
     }
 }
 
-/// A row as a reader hands it in.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Row {
-    pub(super) vehicle_id: u32,
-    pub(super) length_m: f64,
-    pub(super) width_m: f64,
-    /// Count of frames since any origin.
-    pub(super) frame: i64,
-    pub(super) lane: u32,
-    pub(super) x_m: f64,
-    pub(super) y_m: f64,
-    pub(super) speed_mps: f64,
-}
-
 /// A gap after which an id is taken to be another vehicle's, s.
 const LONGEST_GAP_S: f64 = 10.0;
 
-/// Puts rows together to recordings.
-pub(super) struct Collector<'a> {
-    path: PathBuf,
-    selection: &'a Selection,
-    sites: BTreeMap<String, Rows>,
-    samples: usize,
-    oddities: Oddities,
-}
-
-/// Samples by source id and size in millimeters, as they come; frames count from the first row's.
+/// The samples of each vehicle, as they come.
 #[derive(Default)]
-struct Rows {
-    first_frame: i64,
-    tracks: BTreeMap<(u32, u32, u32), Vec<Sample>>,
+pub(super) struct Rows(ByVehicle<Vec<Sample>>);
+
+impl Held for Rows {
+    fn take(&mut self, key: Key, sample: Sample, _rate_hz: f64) {
+        self.0.of(key).push(sample);
+    }
 }
 
-impl<'a> Collector<'a> {
-    pub(super) fn new(path: &Path, selection: &'a Selection) -> Self {
-        let (sites, oddities) = (BTreeMap::new(), BTreeMap::new());
-        Self { path: path.to_owned(), selection, sites, samples: 0, oddities }
+/// The recordings that `source` tells of, by name of the site.
+pub(super) fn recordings(
+    path: &Path,
+    source: &Source,
+    mut collector: Collector<'_, Rows>,
+) -> Result<Vec<Recording>, DataError> {
+    let &Source { format, rate_hz, road } = source;
+    let mut recordings = Vec::new();
+    for (site, rows) in collector.take_sites()? {
+        let (vehicles, oddities) = vehicles(rows, rate_hz);
+        let road = road(&site);
+        recordings.push(Recording { site, format, road, rate_hz, vehicles, oddities });
     }
-
-    /// Counts something odd.
-    pub(super) fn count(&mut self, oddity: Oddity, times: u64) {
-        count(&mut self.oddities, oddity, times);
+    for (oddity, times) in collector.oddities {
+        count(&mut recordings[0].oddities, oddity, times);
     }
-
-    /// Takes a row, if its site is wanted.
-    pub(super) fn push(&mut self, site: &str, row: &Row) -> Result<(), DataError> {
-        if !site.starts_with(&self.selection.sites) {
-            self.count(Oddity::RowsOfOtherSites, 1);
-            return Ok(());
-        }
-        if self.samples == self.selection.max_samples {
-            return Err(DataError::TooBig { path: self.path.clone(), limit: self.samples });
-        }
-        self.samples += 1;
-        if !self.sites.contains_key(site) {
-            self.sites.insert(site.to_owned(), Rows { first_frame: row.frame, tracks: BTreeMap::new() });
-        }
-        let Some(rows) = self.sites.get_mut(site) else { unreachable!("the site was put in") };
-        let millimeters = |size_m: f64| (1e3 * size_m).round() as u32;
-        let frame = i32::try_from(row.frame - rows.first_frame).ok().filter(|frame| frame.abs() < i32::MAX / 2);
-        let Some(frame) = frame else {
-            return Err(DataError::Times { path: self.path.clone(), site: site.to_owned() });
-        };
-        let sample = Sample { frame, lane: row.lane, x_m: row.x_m, y_m: row.y_m, speed_mps: row.speed_mps };
-        rows.tracks
-            .entry((row.vehicle_id, millimeters(row.length_m), millimeters(row.width_m)))
-            .or_default()
-            .push(sample);
-        Ok(())
-    }
-
-    /// The recordings, by name of the site.
-    pub(super) fn finish(
-        mut self,
-        format: Format,
-        rate_hz: f64,
-        road: impl Fn(&str) -> RoadKind,
-    ) -> Result<Vec<Recording>, DataError> {
-        let mut recordings = Vec::new();
-        for (site, rows) in std::mem::take(&mut self.sites) {
-            let (vehicles, oddities) = vehicles(rows, rate_hz);
-            let road = road(&site);
-            recordings.push(Recording { site, format, road, rate_hz, vehicles, oddities });
-        }
-        let Some(first) = recordings.first_mut() else { return Err(DataError::Empty { path: self.path }) };
-        for (oddity, times) in self.oddities {
-            *first.oddities.entry(oddity).or_default() += times;
-        }
-        super::read::check_units(&self.path, &recordings)?;
-        Ok(recordings)
-    }
+    units::check(path, &recordings)?;
+    Ok(recordings)
 }
 
 /// Oddities by kind.
-type Oddities = BTreeMap<Oddity, u64>;
+pub(super) type Oddities = BTreeMap<Oddity, u64>;
 
 /// Counts something odd that was met `times`.
-fn count(oddities: &mut Oddities, oddity: Oddity, times: u64) {
+pub(super) fn count(oddities: &mut Oddities, oddity: Oddity, times: u64) {
     if times > 0 {
         *oddities.entry(oddity).or_default() += times;
     }
 }
 
+/// The most frames from one row of a vehicle to the next.
+pub(super) fn longest_gap(rate_hz: f64) -> i32 {
+    (LONGEST_GAP_S * rate_hz).round() as i32
+}
+
 /// The vehicles of a site, with frames from 0, and what was odd about them.
-fn vehicles(rows: Rows, rate_hz: f64) -> (Vec<VehicleTrack>, Oddities) {
-    let first = rows.tracks.values().flatten().map(|sample| sample.frame).min().unwrap_or(0);
-    let longest_gap = (LONGEST_GAP_S * rate_hz).round() as i32;
-    let mut last_id = rows.tracks.keys().map(|key| key.0).max().unwrap_or(0);
+fn vehicles(mut rows: Rows, rate_hz: f64) -> (Vec<VehicleTrack>, Oddities) {
+    let tracks: Vec<(Key, Vec<Sample>)> = rows.0.take_in_order().collect();
+    let first = tracks.iter().flat_map(|(_, samples)| samples).map(|sample| sample.frame).min().unwrap_or(0);
+    let mut last_id = tracks.last().map_or(0, |(key, _)| key.0);
     let (mut ids, mut oddities, mut vehicles) = (BTreeSet::new(), Oddities::new(), Vec::new());
-    for ((source_id, length, width), samples) in rows.tracks {
+    for ((source_id, length, width), samples) in tracks {
         let samples = in_order(samples, first, &mut oddities);
         let meters = |millimeters: u32| f64::from(millimeters) / 1e3;
-        for part in samples.chunk_by(|a, b| b.frame - a.frame <= longest_gap) {
+        for part in samples.chunk_by(|a, b| b.frame - a.frame <= longest_gap(rate_hz)) {
             let used = !ids.insert(source_id);
             last_id = last_id.saturating_add(u32::from(used));
             count(&mut oddities, Oddity::IdsUsedAgain, u64::from(used));

@@ -8,6 +8,8 @@ use std::rc::Rc;
 
 use flate2::read::MultiGzDecoder;
 
+use super::decimal;
+
 /// A table that cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[error("{}, line {line}: {kind}", path.display())]
@@ -94,6 +96,9 @@ pub(crate) fn content(path: &Path) -> std::io::Result<Box<dyn Read>> {
 /// The longest row, bytes: a quote that is never closed must not swallow a file into memory.
 const LONGEST_ROW: usize = 1 << 20;
 
+/// Bytes that are asked for at once.
+const BUFFER: usize = 1 << 16;
+
 /// Drops carriage returns, which would let the lines of the reader behind it lag by one, and ends where a row does not.
 struct Rows<R> {
     inner: R,
@@ -160,6 +165,13 @@ impl<R: BufRead> Read for BlanksAsCommas<R> {
     }
 }
 
+/// Where a column stands.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Column {
+    name: &'static str,
+    place: usize,
+}
+
 /// A table that is read row by row.
 pub(crate) struct Table {
     path: PathBuf,
@@ -189,7 +201,7 @@ impl Table {
             content = Box::new(BlanksAsCommas { inner, line_begun: false, blank_seen: false });
         }
         let named = matches!(layout, Layout::Named | Layout::NamedInAnyCase);
-        let mut reader = csv::ReaderBuilder::new().has_headers(named).from_reader(content);
+        let mut reader = csv::ReaderBuilder::new().has_headers(named).buffer_capacity(BUFFER).from_reader(content);
         let header = match layout {
             Layout::Commas(columns) | Layout::Blanks(columns) => csv::StringRecord::from(columns.to_vec()),
             Layout::Named | Layout::NamedInAnyCase => {
@@ -242,9 +254,13 @@ impl Table {
 
     /// The field in `column`, one of the columns that were looked for.
     pub(crate) fn text(&self, column: &'static str) -> Result<&str, TableError> {
-        let looked_for = self.places.iter().find(|(name, _)| *name == column).map(|(_, place)| *place);
-        let index = looked_for.or_else(|| self.header.iter().position(|name| name == column));
+        let index = self.place(column);
         index.and_then(|index| self.row.get(index)).ok_or_else(|| self.error(TableErrorKind::MissingColumn { column }))
+    }
+
+    fn place(&self, column: &str) -> Option<usize> {
+        let looked_for = self.places.iter().find(|(name, _)| *name == column).map(|(_, place)| *place);
+        looked_for.or_else(|| self.header.iter().position(|name| name == column))
     }
 
     /// The number in `column`, which must lie in `min..=max`.
@@ -256,31 +272,37 @@ impl Table {
         }
     }
 
+    /// Where `column` stands, one of those that were looked for or any other.
+    pub(super) fn column(&self, name: &'static str) -> Result<Column, TableError> {
+        let place = self.place(name).ok_or_else(|| self.error(TableErrorKind::MissingColumn { column: name }))?;
+        Ok(Column { name, place })
+    }
+
+    /// The field in `column`.
+    pub(super) fn field(&self, column: Column) -> &str {
+        // The header is as long as every row.
+        self.row.get(column.place).unwrap_or_default()
+    }
+
     /// The number in `column`, which must lie in `min..=max`, and whose thousands may be set apart by commas: `1,156`.
-    pub(super) fn grouped(&self, column: &'static str, (min, max): (f64, f64)) -> Result<f64, TableError> {
-        let text = self.text(column)?;
-        let digits = text.trim();
-        // Most numbers have no thousands to be set apart.
-        let value = if digits.contains(',') {
-            ungrouped(digits).and_then(|digits| digits.parse::<f64>().ok())
-        } else {
-            digits.parse::<f64>().ok()
-        };
-        match value {
+    pub(super) fn grouped(&self, column: Column, (min, max): (f64, f64)) -> Result<f64, TableError> {
+        let text = self.field(column);
+        match decimal::parse(text.trim()) {
             Some(value) if (min..=max).contains(&value) => Ok(value),
-            _ => Err(self.error(TableErrorKind::BadNumber { column, value: text.to_owned(), min, max })),
+            _ => Err(self.bad_number(column, (min, max))),
         }
     }
 
     /// The whole number in `column`, not below 0, thousands set apart or not.
-    pub(super) fn grouped_index(&self, column: &'static str) -> Result<u32, TableError> {
+    pub(super) fn grouped_index(&self, column: Column) -> Result<u32, TableError> {
         let range = (0.0, f64::from(u32::MAX));
         let value = self.grouped(column, range)?;
-        if value.fract() != 0.0 {
-            let value = self.text(column)?.to_owned();
-            return Err(self.error(TableErrorKind::BadNumber { column, value, min: range.0, max: range.1 }));
-        }
-        Ok(value as u32)
+        if value.fract() == 0.0 { Ok(value as u32) } else { Err(self.bad_number(column, range)) }
+    }
+
+    fn bad_number(&self, column: Column, (min, max): (f64, f64)) -> TableError {
+        let value = self.field(column).to_owned();
+        self.error(TableErrorKind::BadNumber { column: column.name, value, min, max })
     }
 
     /// The whole number in `column`, of either sign.
@@ -309,44 +331,9 @@ impl Table {
     }
 }
 
-/// `text` without the commas between its thousands; none if a comma stands elsewhere, as in `12,5`.
-fn ungrouped(text: &str) -> Option<String> {
-    let (whole, fraction) = text.split_once('.').map_or((text, None), |(whole, fraction)| (whole, Some(fraction)));
-    let mut groups = whole.split(',');
-    let first = groups.next().unwrap_or_default();
-    let mut digits = first.to_owned();
-    for group in groups {
-        if group.len() != 3
-            || first.trim_start_matches(['-', '+']).len() > 3
-            || fraction.is_some_and(|f| f.contains(','))
-        {
-            return None;
-        }
-        digits += group;
-    }
-    if let Some(fraction) = fraction {
-        digits = digits + "." + fraction;
-    }
-    Some(digits)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn commas_stand_between_thousands_only() {
-        for (text, expected) in [
-            ("1,156", Some("1156")),
-            ("-12,345,678.5", Some("-12345678.5")),
-            ("1156", Some("1156")),
-            ("12,5", None),
-            ("1234,567", None),
-            ("1,15,600", None),
-        ] {
-            assert_eq!(ungrouped(text).as_deref(), expected, "{text}");
-        }
-    }
 
     #[test]
     fn runs_of_blanks_become_single_commas_however_small_the_pieces() {

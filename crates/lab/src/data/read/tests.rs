@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::super::inspect::Inspection;
+use super::super::inspect::inspect;
 use super::super::recording::Oddity;
 use super::*;
 
@@ -94,6 +94,38 @@ fn what_is_wrong_in_an_ngsim_table_is_named_with_line_and_column() {
     assert!(years.contains("the times at site `us-101` lie years apart"), "{years}");
     let header = NGSIM.lines().next().unwrap();
     assert!(read_text("x.csv", header).unwrap_err().to_string().contains("holds no rows"));
+}
+
+#[test]
+fn figures_are_those_of_the_tracks() {
+    let folder = folder(&[("x.csv", NGSIM)]);
+    let path = folder.path().join("x.csv");
+    let (recordings, inspected) = (read(&path, &Selection::default()).unwrap(), inspect(&path, "").unwrap());
+    assert_eq!(inspected.len(), recordings.len());
+    for (recording, figures) in recordings.iter().zip(&inspected) {
+        assert_eq!((&figures.site, figures.vehicles), (&recording.site, recording.vehicles.len()));
+        let samples: usize = recording.vehicles.iter().map(|vehicle| vehicle.samples.len()).sum();
+        assert_eq!((figures.samples, &figures.oddities), (samples as u64, &recording.oddities));
+    }
+    assert_eq!((inspected[1].duration_s, inspected[1].speed_mps), (1000.0, [15.24; 3]));
+    // A repetition that comes after other rows of its vehicle is no longer told from a contradiction.
+    fs::write(&path, format!("{NGSIM}7,12,\"1,156\",1118846980200,12.5,\"1,020\",20,6.5,50,2,us-101\n")).unwrap();
+    assert_eq!(inspect(&path, "us").unwrap()[0].oddities[&Oddity::LateRows], 1);
+}
+
+#[test]
+fn a_packed_table_that_is_cut_off_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("x.csv.gz");
+    let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+    std::io::Write::write_all(&mut packed, NGSIM.as_bytes()).unwrap();
+    let packed = packed.finish().unwrap();
+    fs::write(&path, &packed[..packed.len() - 9]).unwrap();
+    for message in
+        [read(&path, &Selection::default()).unwrap_err().to_string(), inspect(&path, "").unwrap_err().to_string()]
+    {
+        assert!(message.contains("x.csv.gz, line "), "{message}");
+    }
 }
 
 const OLD: &str = "14 88 2 1118846988400 51.951 1074.452 0 0 24.0 8.5 2 43.69 11.10 5 0 33 0.00 0.00\n\
@@ -219,6 +251,9 @@ fn numbers_in_other_units_are_refused() {
         kilometers_per_hour += &row(72.0);
     }
     read_text("t.csv", &meters).unwrap();
+    let folder = folder(&[("t.csv", &kilometers_per_hour)]);
+    let inspected = inspect(&folder.path().join("t.csv"), "").unwrap_err().to_string();
+    assert!(inspected.contains("the speed by positions over the speed given is 0.28"), "{inspected}");
     let message = read_text("t.csv", &kilometers_per_hour).unwrap_err().to_string();
     assert!(message.contains("the speed by positions over the speed given is 0.28"), "{message}");
     let message = read_text("t.csv", &meters.replace(",4.5,", ",15.5,")).unwrap_err().to_string();
@@ -238,19 +273,18 @@ fn a_file_of_no_known_format_is_named() {
 #[test]
 fn the_real_and_synthetic_samples_are_read() {
     let Some(samples) = samples() else { return };
-    let inspect = |name: &str| {
-        let recordings = read(&samples.join(name), &Selection::default()).unwrap();
-        let inspected = Inspection::of(&recordings[0]);
-        println!("{}", inspected.text());
-        assert_eq!(recordings.len(), 1);
-        inspected
+    let only = |name: &str| {
+        let mut inspected = inspect(&samples.join(name), "").unwrap();
+        println!("{}", inspected[0].text());
+        assert_eq!(inspected.len(), 1);
+        inspected.remove(0)
     };
-    let peachtree = inspect("ngsim-25col-peachtree-3000rows.csv");
+    let peachtree = only("ngsim-25col-peachtree-3000rows.csv");
     assert_eq!((peachtree.samples, peachtree.format, peachtree.rate_hz), (3000, Format::Ngsim25, 10.0));
-    let old = inspect("ngsim-18col-us101-reconstructed.txt");
+    let old = only("ngsim-18col-us101-reconstructed.txt");
     assert_eq!(old.format, Format::Ngsim18);
-    let highd = inspect("synthetic-highd/01_tracks.csv");
-    let scene = inspect("synthetic-other/ZAM_Synthetic-1_1_T-1.xml");
+    let highd = only("synthetic-highd/01_tracks.csv");
+    let scene = only("synthetic-other/ZAM_Synthetic-1_1_T-1.xml");
     // The same scene in two formats.
     assert_eq!((highd.vehicles, scene.vehicles, highd.samples), (6, 6, 6 * 251));
     assert_eq!((highd.duration_s, scene.duration_s), (10.0, 10.0));
