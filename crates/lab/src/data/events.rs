@@ -263,6 +263,7 @@ mod tests {
         wrong("short", EVENTS, &swap(TRACKS, "e1,7,2.0,80.0,", "e1,7,"), "line 3: cannot be read");
         wrong("empty", EVENTS, "", "has no column `event_id`");
         wrong("header", EVENTS, TRACKS.lines().next().unwrap(), "holds no rows");
+        wrong("none", EVENTS.lines().next().unwrap(), TRACKS, "events.csv, line 0: holds no rows");
         wrong("order", EVENTS, &swap(TRACKS, "e1,7,2.0", "e1,7,-2.0"), "line 3: `7`: the times");
         wrong("ego", &swap(EVENTS, ",7,", ",8,"), TRACKS, "`e1`: the ego has no track");
         wrong("other", &swap(EVENTS, "e1", "e2"), TRACKS, "`e2`: has no tracks");

@@ -256,6 +256,14 @@ fn numbers_in_other_units_are_refused() {
     assert!(inspected.contains("the speed by positions over the speed given is 0.28"), "{inspected}");
     let message = read_text("t.csv", &kilometers_per_hour).unwrap_err().to_string();
     assert!(message.contains("the speed by positions over the speed given is 0.28"), "{message}");
+    // Mixed within one table: a third in the right unit, the rest in the wrong one.
+    let mixed = |(number, (right, wrong))| if number <= 100 { right } else { wrong };
+    let rows: Vec<&str> = meters.lines().zip(kilometers_per_hour.lines()).enumerate().map(mixed).collect();
+    let message = read_text("t.csv", &rows.join("\n")).unwrap_err().to_string();
+    assert!(
+        message.contains("is 0.28, not in 0.8..=1.25: the units are not those of the format, or are mixed"),
+        "{message}"
+    );
     let message = read_text("t.csv", &meters.replace(",4.5,", ",15.5,")).unwrap_err().to_string();
     assert!(message.contains("the median length of a vehicle in meters is 15.5"), "{message}");
 }
