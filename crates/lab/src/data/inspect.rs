@@ -192,7 +192,7 @@ impl Frames {
         for (&first, &last) in &self.0 {
             match parts.last_mut() {
                 Some(part) if first - part.last <= longest_gap => {
-                    part.missing += (first - part.last - 1).unsigned_abs() as u64;
+                    part.missing += u64::from((first - part.last - 1).unsigned_abs());
                     part.last = last;
                 }
                 _ => parts.push(Part { first, last, missing: 0 }),
