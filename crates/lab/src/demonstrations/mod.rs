@@ -2,7 +2,7 @@
 //!
 //! All three kinds come in one format (see [`file`](mod@file) and `docs/human-reward.md`), tagged with the device that made them, so that whatever is
 //! learned from one kind can be learned from the others. What a driver could have done instead is not part of it: see
-//! [`choices`](crate::choices).
+//! [`candidates`](crate::candidates).
 
 pub mod file;
 pub mod synthetic;

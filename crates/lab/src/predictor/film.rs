@@ -22,7 +22,7 @@ const STEPS: usize = 2;
 /// Length before the cut of a ring whose vehicles do not count, m: whom they follow may be out of sight.
 const BEFORE_CUT_M: f64 = 250.0;
 
-/// Scenes of one traffic, [`SCENE_S`] apart.
+/// Scenes of one traffic, `SCENE_S` apart.
 #[derive(Clone, Debug)]
 pub struct Film {
     /// Name of the site, or number of the scenario.

@@ -1,6 +1,6 @@
 //! A recurrent network that corrects the forecast of constant speed by what it has learned of how vehicles go on.
 //!
-//! For each vehicle it is told ten instants, 0.2 s apart ([`features`]), and says how its acceleration along and its acceleration across the
+//! For each vehicle it is told ten instants, 0.2 s apart (`features`), and says how its acceleration along and its acceleration across the
 //! road will differ from the plain forecast's: the values at six times, between which they are linear. Integrated twice they are what is
 //! added to the plain forecast, so that speeds and positions fit together and a network that says nothing leaves it as it is. Who would
 //! drive backwards stands.
