@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Mapping
 from os import PathLike, fspath
 from typing import Any
@@ -11,8 +10,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from . import _arrays
 from ._lanecraft import Task
-from .errors import ConfigError
 
 LARGEST_SEED = 2**64 - 1
 
@@ -29,9 +28,7 @@ def make_task(
 
 
 def checked_scene(config: Mapping[str, Any] | None, scenario: str | PathLike[str] | None) -> tuple[dict[str, Any], str | None]:
-    if config is not None and not isinstance(config, Mapping):
-        raise TypeError(f"config is a mapping of keys to values, not {type(config).__name__}")
-    return dict(config or {}), None if scenario is None else fspath(scenario)
+    return _arrays.settings(config), None if scenario is None else fspath(scenario)
 
 
 def action_space(task: Task, units: str) -> spaces.Discrete | spaces.Box:
@@ -48,19 +45,8 @@ def observation_space(task: Task) -> Any:
     return spaces.Box(low, high, dtype=np.float32)
 
 
-def checked_whole(name: str, value: Any, least: int, most: int) -> int:
-    """``value`` as a Python integer within these bounds."""
-    try:
-        whole = operator.index(value)
-    except TypeError:
-        raise TypeError(f"{name} is a whole number, not {type(value).__name__}") from None
-    if not least <= whole <= most:
-        raise ConfigError(f"{name} is {whole}, but must be in {least}..={most}")
-    return whole
-
-
 def checked_seed(seed: Any) -> int:
-    return checked_whole("a seed", seed, 0, LARGEST_SEED)
+    return _arrays.whole("seed", seed, 0, LARGEST_SEED)
 
 
 def checked_real(name: str, value: Any) -> float:

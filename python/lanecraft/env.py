@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from . import _tasks
 from ._lanecraft import EnvCore
+from .errors import ConfigError
 
 Observation = NDArray[np.float32]
 Info = dict[str, Any]
@@ -114,5 +115,5 @@ def _remade(kind: Callable[..., Env], arguments: dict[str, Any], series: Any, sn
 
 def _checked_render_mode(mode: str | None, modes: list[str]) -> str | None:
     if mode is not None and mode not in modes:
-        raise _tasks.ConfigError(f"there is no render mode `{mode}`; allowed are {', '.join(modes)}")
+        raise ConfigError(f"there is no render mode `{mode}`; allowed are {', '.join(modes)}")
     return mode

@@ -9,7 +9,7 @@ from importlib import import_module
 from os import PathLike
 from typing import Any, NamedTuple
 
-from . import _lanecraft, _tasks
+from . import _arrays, _lanecraft, _tasks
 from ._lanecraft import PolicyCore, ResultsCore
 from .errors import ConfigError
 from .policies import load
@@ -132,8 +132,8 @@ def evaluate(
     overlay, scenario = _tasks.checked_scene(config, scenario)
     for key, value in [("evaluation.episodes", episodes), ("evaluation.seed", seed)]:
         if value is not None:
-            overlay[key] = _tasks.checked_whole(key, value, 0, 2**63 - 1)
-    threads = _tasks.checked_whole("threads", threads, 0, 1024)
+            overlay[key] = _arrays.whole(key, value, 0, 2**63 - 1)
+    threads = _arrays.whole("threads", threads, 0, 1024)
     named = _named(policies)
     if not named:
         raise ConfigError("there is no policy to evaluate")

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _lanecraft, _tasks
+from . import _arrays, _lanecraft, _tasks
 from ._lanecraft import WorldCore
 from .errors import ConfigError
 
@@ -68,7 +68,7 @@ class ExternalVehicle:
     def _body(self) -> tuple[list[float], int]:
         names = ("s_m", "d_m", "heading_rad", "speed_mps", "accel_mps2", "length_m", "width_m")
         numbers = [_tasks.checked_real(name, getattr(self, name)) for name in names]
-        return numbers, _tasks.checked_whole("target_lane", self.target_lane, 0, 255)
+        return numbers, _arrays.whole("target_lane", self.target_lane, 0, 255)
 
 
 class World(WorldCore):
@@ -105,7 +105,7 @@ class World(WorldCore):
             steps: how many steps; the sum of their events comes back.
             ego: your vehicle where it is *after* the step, which then must be one. Without, there is none on the road.
         """
-        steps = _tasks.checked_whole("steps", steps, 0, _MOST_STEPS)
+        steps = _arrays.whole("steps", steps, 0, _MOST_STEPS)
         if ego is None:
             return _events(self._step(steps))
         if steps != 1:

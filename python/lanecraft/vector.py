@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from . import _tasks
+from . import _arrays, _tasks
 from ._lanecraft import VectorCore
 from .errors import ActionError, ConfigError
 
@@ -52,8 +52,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[NDArray[np.float32], NDArray[Any], ND
     ) -> None:
         if render_mode is not None:
             raise ConfigError("a VectorEnv does not render; make an Env with the same seed for that")
-        num_envs = _tasks.checked_whole("num_envs", num_envs, 1, 1 << 16)
-        threads = _tasks.checked_whole("threads", threads, 0, 1024)
+        num_envs = _arrays.whole("num_envs", num_envs, 1, 1 << 16)
+        threads = _arrays.whole("threads", threads, 0, 1024)
         task = _tasks.make_task(preset, config, scenario, seat, masked_actions, units)
         mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self._core = VectorCore(task, num_envs, mode, threads)

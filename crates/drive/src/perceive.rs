@@ -50,18 +50,7 @@ pub fn perceive(config: &PerceptionConfig, world: &World, ego: &VehicleState, sc
     for vehicle in world.vehicles_near(ego.s_m, config.range_m) {
         let ahead_m = scene.road.ahead_m(ego.s_m, vehicle.s_m);
         if ahead_m.abs() <= config.range_m {
-            scene.neighbors.push(Neighbor {
-                id: vehicle.id,
-                ahead_m,
-                d_m: vehicle.d_m,
-                speed_mps: vehicle.speed_mps,
-                lateral_speed_mps: vehicle.lateral_speed_mps,
-                accel_mps2: vehicle.accel_mps2,
-                length_m: vehicle.length_m,
-                width_m: vehicle.width_m,
-                lane: vehicle.lane,
-                target_lane: vehicle.target_lane,
-            });
+            scene.neighbors.push(vehicle.seen(ahead_m));
         }
     }
     if config.position_noise_m > 0.0 || config.speed_noise_mps > 0.0 {

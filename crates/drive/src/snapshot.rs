@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::ConfigError;
 
 /// Version of the format. It is raised whenever anything that is stored changes.
-pub const SNAPSHOT_SCHEMA: u32 = 4;
+pub const SNAPSHOT_SCHEMA: u32 = 5;
 
 const MAGIC: [u8; 8] = *b"LANESNAP";
 /// Magic word, version and length of the body.

@@ -1,5 +1,5 @@
-//! A control step asks for no memory, whatever is switched on. A binary of its own, because it counts the allocations of
-//! a whole process.
+//! A control step asks for no memory, whatever is switched on, and neither does a decision of the fast environment with its observation.
+//! A binary of its own, because it counts allocations.
 // Counting allocations takes an allocator, and implementing one is unsafe by its nature.
 #![allow(unsafe_code)]
 
@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use lanecraft_drive::decide::Maneuver;
 use lanecraft_drive::env::{Config, Env};
+use lanecraft_drive::kinematic::{KinematicConfig, KinematicEnv, MetaAction};
 use lanecraft_drive::predict::Predictor;
 
 thread_local! {
@@ -57,4 +58,21 @@ fn drive(predictor: Predictor) {
         let _ = env.step(keep).expect("allowed");
     }
     assert_eq!(ALLOCATIONS.with(Cell::get) - before, 0, "{}", predictor.name());
+}
+
+#[test]
+fn deciding_and_observing_do_not_allocate() {
+    let config = Arc::new(KinematicConfig::default());
+    let mut observation = vec![0.0; config.task.observation.size()];
+    for seed in 0..20 {
+        let mut env = KinematicEnv::new(&config, seed).expect("a valid configuration");
+        let before = ALLOCATIONS.with(Cell::get);
+        for action in (0..MetaAction::ALL.len()).cycle() {
+            if env.step(action).is_err() {
+                break;
+            }
+            env.observe(&mut observation);
+        }
+        assert_eq!(ALLOCATIONS.with(Cell::get) - before, 0);
+    }
 }

@@ -96,6 +96,20 @@ impl CandidateConfig {
         }
     }
 
+    /// All candidates from `start` to around `end_m`: by change of speed, then duration, then lateral end.
+    pub fn motions(&self, start: LateralState, end_m: f64, speed_mps: f64) -> Vec<Motion> {
+        let mut motions = Vec::new();
+        for &speed_change_mps in &self.end_speed_changes_mps {
+            for duration_s in self.durations_s() {
+                for offset_m in &self.end_offsets_m {
+                    let lateral = Quintic::new(start, end_m + offset_m, duration_s);
+                    motions.push(Motion { lateral, speed_mps, speed_change_mps });
+                }
+            }
+        }
+        motions
+    }
+
     /// Checks every setting.
     pub fn validate(&self) -> Result<(), ConfigError> {
         let known = |name: &String| feature_index(name).is_some();
@@ -244,15 +258,7 @@ pub fn candidates(item: &Demonstration, config: &CandidateConfig) -> Candidates 
     let (start_s, _) = times_s(item, config);
     let (speed_mps, end_m) = origin(item, config, start_s);
     let start = LateralState { d_m: item.start_d_m, ..LateralState::default() };
-    let mut motions = Vec::new();
-    for &speed_change_mps in &config.end_speed_changes_mps {
-        for duration_s in config.durations_s() {
-            for offset_m in &config.end_offsets_m {
-                let lateral = Quintic::new(start, end_m + offset_m, duration_s);
-                motions.push(Motion { lateral, speed_mps, speed_change_mps });
-            }
-        }
-    }
+    let motions = config.motions(start, end_m, speed_mps);
     let features = features_among(item, config, (&motions, start_s));
     Candidates { motions, features }
 }

@@ -219,7 +219,7 @@ pub fn unknown_name(what: &str, name: &str, names: &[&str]) -> String {
 impl RunConfig {
     /// The preset, laid over by `file`, then by `assignments` (`key=value`) in their order, checked and validated.
     pub fn resolve(preset: Preset, file: Option<&Path>, assignments: &[String]) -> Result<Self, ConfigFileError> {
-        let mut overlay = Overlay::new(preset.name(), preset.table(), |table| Self::from_table(table).map(drop));
+        let mut overlay = Self::overlay(preset);
         if let Some(path) = file {
             overlay.file(path)?;
         }
@@ -231,14 +231,14 @@ impl RunConfig {
 
     /// The preset, laid over by `values`, whose keys may be nested or dotted, checked and validated.
     pub fn resolve_table(preset: Preset, values: &Table) -> Result<Self, ConfigFileError> {
-        let mut overlay = Overlay::new(preset.name(), preset.table(), |table| Self::from_table(table).map(drop));
+        let mut overlay = Self::overlay(preset);
         overlay.values(values)?;
         Self::validated(&overlay)
     }
 
     /// The complete configuration in `file`, laid over by `values`.
     pub fn resolve_table_over(file: &Path, values: &Table) -> Result<Self, ConfigFileError> {
-        let mut overlay = Overlay::new("default", Preset::Default.table(), |table| Self::from_table(table).map(drop));
+        let mut overlay = Self::overlay(Preset::Default);
         overlay.file(file)?;
         overlay.values(values)?;
         Self::validated(&overlay)
@@ -246,7 +246,7 @@ impl RunConfig {
 
     /// The configuration of a text written by [`Self::to_toml`]; `path` is where the text came from.
     pub fn from_toml(path: &Path, text: &str) -> Result<Self, ConfigFileError> {
-        let mut overlay = Overlay::new("default", Preset::Default.table(), |table| Self::from_table(table).map(drop));
+        let mut overlay = Self::overlay(Preset::Default);
         overlay.text(path, text)?;
         Self::validated(&overlay)
     }
@@ -287,6 +287,11 @@ impl RunConfig {
             table.clone().into_iter().partition(|(section, _)| LabSections::NAMES.contains(&section.as_str()));
         let LabSections { candidates, irl, predictor, learner, training, evaluation } = lab.try_into()?;
         Ok(Self { environment: environment.try_into()?, candidates, irl, predictor, learner, training, evaluation })
+    }
+
+    /// A complete preset, to lay something over.
+    fn overlay(preset: Preset) -> Overlay {
+        Overlay::new(preset.name(), preset.table(), |table| Self::from_table(table).map(drop))
     }
 
     fn validated(overlay: &Overlay) -> Result<Self, ConfigFileError> {

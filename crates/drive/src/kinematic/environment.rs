@@ -53,7 +53,6 @@ pub struct KinematicEnv {
     size_m: (f64, f64),
     /// Decisions taken.
     steps: u32,
-    over: bool,
     collision: Option<Collision>,
 }
 
@@ -73,7 +72,7 @@ impl KinematicEnv {
         let car = VehicleParams::default();
         let size_m = (car.length_m, car.width_m);
         world.set_ego(body(&ego, size_m));
-        Ok(Self { config: Arc::clone(config), world, ego, size_m, steps: 0, over: false, collision: None })
+        Ok(Self { config: Arc::clone(config), world, ego, size_m, steps: 0, collision: None })
     }
 
     /// Carries out the meta-action with this index in [`MetaAction::ALL`]. One that the mask lacks changes neither lane nor speed, as in
@@ -82,7 +81,7 @@ impl KinematicEnv {
     /// # Errors
     /// If there is no such action, or the episode is over.
     pub fn step(&mut self, action: usize) -> Result<Outcome, StepError> {
-        if self.over {
+        if self.is_over() {
             return Err(StepError::Over);
         }
         let action = *MetaAction::ALL.get(action).ok_or(StepError::NoSuchAction { action })?;
@@ -100,7 +99,6 @@ impl KinematicEnv {
         });
         self.steps += 1;
         let truncated = self.steps >= task.decisions();
-        self.over = terminated || truncated;
         Ok(Outcome { reward: self.reward(terminated, changes), terminated, truncated })
     }
 
@@ -156,7 +154,7 @@ impl KinematicEnv {
 
     /// Whether the episode has ended, by a collision or by its length.
     pub fn is_over(&self) -> bool {
-        self.over
+        self.collision.is_some() || self.steps >= self.config.task.decisions()
     }
 
     /// Decisions taken.
@@ -171,7 +169,7 @@ impl KinematicEnv {
 
     /// A hash of all bits that determine what follows (FNV-1a over 64-bit words).
     pub fn digest(&self) -> u64 {
-        let own = [self.world.digest(), u64::from(self.steps) << 1 | u64::from(self.over)];
+        let own = [self.world.digest(), u64::from(self.steps) << 1 | u64::from(self.is_over())];
         let words = own.into_iter().chain(self.ego.digest_words());
         words.fold(0xCBF2_9CE4_8422_2325, |hash, word| (hash ^ word).wrapping_mul(0x0000_0100_0000_01B3))
     }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::models::idm::{IdmParams, IdmTerms};
 use crate::road::{LaneIndex, Road};
 use crate::scenario::VehicleSpec;
-use crate::scene::VehicleId;
+use crate::scene::{Neighbor, VehicleId};
 
 /// No slot: the vehicle has left.
 const GONE: u32 = u32::MAX;
@@ -39,6 +39,24 @@ pub struct Vehicle {
     pub lane: LaneIndex,
     /// The lane it changes into; equal to `lane` when it keeps.
     pub target_lane: LaneIndex,
+}
+
+impl Vehicle {
+    /// The vehicle as somebody sees it whose center is so far behind it along the road, m.
+    pub fn seen(&self, ahead_m: f64) -> Neighbor {
+        Neighbor {
+            id: self.id,
+            ahead_m,
+            d_m: self.d_m,
+            speed_mps: self.speed_mps,
+            lateral_speed_mps: self.lateral_speed_mps,
+            accel_mps2: self.accel_mps2,
+            length_m: self.length_m,
+            width_m: self.width_m,
+            lane: self.lane,
+            target_lane: self.target_lane,
+        }
+    }
 }
 
 /// Writes the columns once: all that handles whole vehicles follows from this list.

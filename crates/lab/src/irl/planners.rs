@@ -201,16 +201,7 @@ fn sampled(moment: &Moment, config: &CandidateConfig) -> Vec<Motion> {
     let to = if moment.side == Side::Left { LaneIndex(1) } else { LaneIndex(0) };
     let start = lanecraft_drive::plan::LateralState { d_m: scene.ego.d_m, ..Default::default() };
     let (end_m, speed_mps) = (scene.road.lane_center_m(to), scene.ego.road_speed_mps());
-    let mut motions = Vec::new();
-    for &speed_change_mps in &config.end_speed_changes_mps {
-        for duration_s in config.durations_s() {
-            for offset_m in &config.end_offsets_m {
-                let lateral = Quintic::new(start, end_m + offset_m, duration_s);
-                motions.push(Motion { lateral, speed_mps, speed_change_mps });
-            }
-        }
-    }
-    motions
+    config.motions(start, end_m, speed_mps)
 }
 
 /// The free motion of least cost within 4 m/s² across and 3 m/s² along the road; the first of equals.

@@ -95,17 +95,9 @@ impl Film {
 }
 
 fn scene(road: &Arc<Road>, vehicles: impl Iterator<Item = Vehicle>, here_m: f64, ring_m: f64) -> Scene {
-    let neighbor = |vehicle: Vehicle| Neighbor {
-        id: vehicle.id,
-        ahead_m: if ring_m.is_finite() { (vehicle.s_m - here_m).rem_euclid(ring_m) } else { vehicle.s_m - here_m },
-        d_m: vehicle.d_m,
-        speed_mps: vehicle.speed_mps,
-        lateral_speed_mps: vehicle.lateral_speed_mps,
-        accel_mps2: vehicle.accel_mps2,
-        length_m: vehicle.length_m,
-        width_m: vehicle.width_m,
-        lane: vehicle.lane,
-        target_lane: vehicle.target_lane,
+    let neighbor = |vehicle: Vehicle| {
+        let ahead_m = vehicle.s_m - here_m;
+        vehicle.seen(if ring_m.is_finite() { ahead_m.rem_euclid(ring_m) } else { ahead_m })
     };
     onlooker(road, vehicles.map(neighbor).collect())
 }
