@@ -155,5 +155,5 @@ fn a_predictor_is_trained_to_the_same_bytes_at_any_number_of_threads_and_drives(
     let markdown = fs::read_to_string(path.join("figures/predictor.md")).unwrap();
     assert!(markdown.contains("| idm-rollout | 2 | "), "{markdown}");
     let swapped = done(path, &format!("predictor swap --episodes 2 --policy rule:keep-lane --json {with}"));
-    assert_eq!(swapped.lines().count(), 4, "{swapped}");
+    assert_eq!(swapped.lines().count(), 5, "{swapped}");
 }

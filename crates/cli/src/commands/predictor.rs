@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 use lanecraft_lab::config::{RunConfig, SeedRole};
 use lanecraft_lab::policy::Policy as Driver;
 use lanecraft_lab::predictor::{
-    Errors, Film, PREDICTORS, PredictorError, cross_validate, judge, recorded_films, report, simulated_films, swap,
+    Errors, Film, PredictorError, SWAPPED, cross_validate, judge, recorded_films, report, simulated_films, swap,
     swap_report, train_run,
 };
 use lanecraft_lab::progress::Progress;
@@ -165,15 +165,15 @@ impl Evaluate {
 const SWAP_EXAMPLES: &str = "\
 Examples:
   lanecraft predictor swap
-  lanecraft predictor swap --policy runs/mine --episodes 500 --out figures";
+  lanecraft predictor swap --policy rule:best-lane --policy runs/mine --episodes 500 --out figures";
 
-/// Drive a policy with each predictor in planner and controllers, in the same scenarios
+/// Drive policies with each predictor in planner and controllers, and with the true future, in the same scenarios
 #[derive(Debug, Args)]
 #[command(after_help = SWAP_EXAMPLES)]
 pub(crate) struct Swap {
-    /// Folder of a trained run, or a rule
+    /// Folder of a trained run, or a rule; may be repeated
     #[arg(long, value_name = "DIR|rule:NAME", default_value = "rule:best-lane", value_parser = policy)]
-    policy: Policy,
+    policy: Vec<Policy>,
     /// Scenarios to drive
     #[arg(long, value_name = "N")]
     episodes: Option<u64>,
@@ -192,18 +192,20 @@ pub(crate) struct Swap {
 impl Swap {
     pub(crate) fn run(self, output: Output) -> anyhow::Result<()> {
         let config = self.config.resolve(flag("evaluation.episodes", self.episodes).into_iter().collect())?;
-        let driver = match &self.policy {
-            Policy::Rule(rule) => Driver::Rule(*rule),
-            Policy::Run(path) => runs::read_policy(path)?,
-        };
-        let steps = (PREDICTORS * config.evaluation.episodes) as u64;
+        let drivers = self.policy.iter().map(|policy| match policy {
+            Policy::Rule(rule) => Ok(Driver::Rule(*rule)),
+            Policy::Run(path) => runs::read_policy(path),
+        });
+        let drivers = drivers.collect::<Result<Vec<_>, _>>()?;
+        let steps = (drivers.len() * SWAPPED.len() * config.evaluation.episodes) as u64;
         let swaps = self.threads.run(|| {
-            output.with_progress(|progress| progress.stage("drive", steps, |progress| swap(&driver, &config, progress)))
+            output
+                .with_progress(|progress| progress.stage("drive", steps, |progress| swap(&drivers, &config, progress)))
         })??;
         if self.json {
             return swaps.iter().try_for_each(|swap| Ok(answer(&serde_json::to_string(swap)?)?));
         }
-        let report = swap_report(&driver.name(), &swaps);
+        let report = swap_report(&swaps);
         answer(report.text().trim_end())?;
         self.out.as_ref().map_or(Ok(()), |folder| write(&report, folder, output))
     }

@@ -140,6 +140,11 @@ impl Driver {
         &mut self.scene
     }
 
+    /// The scene, and the forecast that is to be handed in with it, if the predictor is one that knows what no car can.
+    pub fn foretold(&mut self) -> (&Scene, Option<&mut Forecast>) {
+        (&self.scene, self.forecaster.handed_in_mut())
+    }
+
     /// The forecast of the last look ahead.
     pub fn forecast(&self) -> &Forecast {
         &self.forecast

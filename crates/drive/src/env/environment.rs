@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{Config, Order, Periods};
 use super::episode::Episode;
+use super::foresight::foresee;
 use crate::config::ConfigError;
 use crate::decide::{ActionMask, ActionSet, Situation, observe};
 use crate::driver::{Driver, DriverSetup, Part};
@@ -222,6 +223,10 @@ impl Env {
     /// Perception.
     pub(super) fn perceive(&mut self) {
         perceive(&self.config.perception, &self.world, &self.ego, self.driver.scene_mut());
+        let ego = self.ego_body();
+        if let (scene, Some(forecast)) = self.driver.foretold() {
+            foresee(&self.world, ego, self.config.env.control_period_s, scene, forecast);
+        }
     }
 
     /// What precedes a decision: perceive, plan both sides, mask.

@@ -3,6 +3,7 @@
 mod config;
 mod environment;
 mod episode;
+mod foresight;
 mod record;
 mod snapshot;
 mod step;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::lstm::{FRAME_PERIOD_S, LstmForecaster, LstmModel, ModelError};
-use super::{Forecast, Predictor};
+use super::{FORECAST_STEP_S, Forecast, Predictor};
 use crate::config::{ConfigError, whole_multiple};
 use crate::scene::Scene;
 
@@ -22,9 +22,15 @@ pub struct PredictionConfig {
 impl PredictionConfig {
     /// Checks that there are weights where they are needed, and that its instants fall on control steps.
     pub fn validate(&self, control_period_s: f64) -> Result<(), ConfigError> {
-        if self.predictor == Predictor::Lstm {
-            self.model.loaded()?;
-            stride(control_period_s)?;
+        match self.predictor {
+            Predictor::Lstm => {
+                self.model.loaded()?;
+                stride(control_period_s)?;
+            }
+            Predictor::TrueFuture => {
+                control_steps_per_point(control_period_s)?;
+            }
+            _ => {}
         }
         Ok(())
     }
@@ -34,6 +40,11 @@ impl PredictionConfig {
 fn stride(control_period_s: f64) -> Result<usize, ConfigError> {
     let frame = ("the predictor's 0.2 s", FRAME_PERIOD_S);
     Ok(whole_multiple(frame, ("env.control_period_s", control_period_s))? as usize)
+}
+
+/// Control steps between two points of a forecast.
+pub(crate) fn control_steps_per_point(control_period_s: f64) -> Result<u32, ConfigError> {
+    whole_multiple(("the forecast's 0.1 s", FORECAST_STEP_S), ("env.control_period_s", control_period_s))
 }
 
 /// Weights that are built in, or those of a file. This crate reads no files: whoever builds a configuration that names one loads it.
@@ -105,6 +116,8 @@ pub enum Forecaster {
     OfScene(Predictor),
     /// It goes by tracks.
     OfTracks(Box<LstmForecaster>),
+    /// Somebody who knows better hands it in with each scene.
+    HandedIn(Forecast),
 }
 
 impl Forecaster {
@@ -113,16 +126,17 @@ impl Forecaster {
     /// # Errors
     /// If its weights were not loaded, or its instants are no whole number of periods apart.
     pub fn new(config: &PredictionConfig, period_s: f64) -> Result<Self, ConfigError> {
-        if config.predictor != Predictor::Lstm {
-            return Ok(Self::OfScene(config.predictor));
-        }
-        Ok(Self::OfTracks(Box::new(LstmForecaster::new(config.model.loaded()?, stride(period_s)?))))
+        Ok(match config.predictor {
+            Predictor::Lstm => Self::OfTracks(Box::new(LstmForecaster::new(config.model.loaded()?, stride(period_s)?))),
+            Predictor::TrueFuture => Self::HandedIn(Forecast::default()),
+            of_scene => Self::OfScene(of_scene),
+        })
     }
 
     /// The weights, if it has any.
     pub fn model(&self) -> Option<&Arc<LstmModel>> {
         match self {
-            Self::OfScene(_) => None,
+            Self::OfScene(_) | Self::HandedIn(_) => None,
             Self::OfTracks(forecaster) => Some(forecaster.model()),
         }
     }
@@ -135,7 +149,13 @@ impl Forecaster {
                 forecast.reset(scene.neighbors.len());
                 forecaster.forecast(scene, forecast);
             }
+            Self::HandedIn(known) => forecast.clone_from(known),
         }
+    }
+
+    /// The forecast that is to be handed in before each call of [`Self::forecast`], if this is one that needs it.
+    pub fn handed_in_mut(&mut self) -> Option<&mut Forecast> {
+        if let Self::HandedIn(known) = self { Some(known) } else { None }
     }
 
     /// Takes `scene` into its memory, if it has one; once for each period, after the forecasts.

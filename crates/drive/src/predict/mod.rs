@@ -9,6 +9,7 @@ pub(crate) use idm_rollout::NOMINAL;
 
 use serde::{Deserialize, Serialize};
 
+pub(crate) use self::config::control_steps_per_point;
 pub use self::config::{Forecaster, ModelSource, PredictionConfig};
 use self::lstm::{LstmForecaster, LstmModel};
 use crate::scene::Scene;
@@ -19,7 +20,7 @@ pub const FORECAST_STEP_S: f64 = 0.1;
 pub const FORECAST_STEPS: usize = 50;
 
 /// A predicted instant of one vehicle.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ForecastPoint {
     /// Distance along the road from the ego's position *now* to this vehicle's center then, m.
     pub ahead_m: f64,
@@ -30,7 +31,7 @@ pub struct ForecastPoint {
 }
 
 /// Predicted motion of every neighbor of a scene.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Forecast {
     points: Vec<ForecastPoint>,
 }
@@ -84,10 +85,13 @@ pub enum Predictor {
     IdmRollout,
     /// A recurrent network that has learned from tracks how vehicles go on.
     Lstm,
+    /// What the simulator will do if the ego car keeps its speed and its place across the road. No car can know it: it tells how much there is
+    /// to gain by better forecasts.
+    TrueFuture,
 }
 
 impl Predictor {
-    /// All predictors.
+    /// All predictors that a car could have.
     pub const ALL: [Self; 4] = [Self::ConstantVelocity, Self::ConstantAcceleration, Self::IdmRollout, Self::Lstm];
 
     /// Its name.
@@ -97,15 +101,17 @@ impl Predictor {
             Self::ConstantAcceleration => "constant-acceleration",
             Self::IdmRollout => "idm-rollout",
             Self::Lstm => "lstm",
+            Self::TrueFuture => "true-future",
         }
     }
 
     /// Forecasts every neighbor of `scene` from this scene alone into `forecast`, whose room is used again. The recurrent network, with the
-    /// weights that are built in, takes every vehicle to have moved as it does now: a [`Forecaster`] remembers.
+    /// weights that are built in, takes every vehicle to have moved as it does now: a [`Forecaster`] remembers. The true future is not in a
+    /// scene: who has only that is given constant velocity.
     pub fn forecast(self, scene: &Scene, forecast: &mut Forecast) {
         forecast.reset(scene.neighbors.len());
         match self {
-            Self::ConstantVelocity => constant::forecast(scene, forecast),
+            Self::ConstantVelocity | Self::TrueFuture => constant::forecast(scene, forecast),
             Self::ConstantAcceleration => constant::forecast_accelerating(scene, forecast),
             Self::IdmRollout => idm_rollout::forecast(scene, forecast),
             Self::Lstm => LstmForecaster::new(LstmModel::built_in(), 1).forecast(scene, forecast),

@@ -25,7 +25,7 @@ pub use self::output::{report, swap_report};
 pub use self::recorded::FilmError;
 pub use self::run::{CURVE, WEIGHTS, train_run};
 use self::samples::{Sample, samples};
-pub use self::swap::{PREDICTORS, Swap, swap};
+pub use self::swap::{SWAPPED, Swap, swap};
 pub use self::train::EpochPoint;
 use crate::config::{RunConfig, SeedRole};
 use crate::data::DataError;

@@ -1,5 +1,7 @@
 //! What training and judging leave: tables, figures and a page.
 
+use lanecraft_drive::predict::Predictor;
+
 use super::errors::{Errors, JUDGED_S};
 use super::swap::Swap;
 use super::train::EpochPoint;
@@ -117,12 +119,13 @@ pub(super) fn training_report(points: &[EpochPoint], samples: &str) -> StudyRepo
 }
 
 /// A page on what the predictors do for a drive.
-pub fn swap_report(policy: &str, swaps: &[Swap]) -> StudyReport {
+pub fn swap_report(swaps: &[Swap]) -> StudyReport {
     let episodes = swaps.first().map_or(0, |swap| swap.result.episodes);
     let caption = format!(
-        "{policy} with each predictor in planner and controllers: mean over {episodes} paired scenarios with 95 % interval"
+        "Each policy with each predictor in planner and controllers: mean over {episodes} paired scenarios with 95 % interval"
     );
     let head = [
+        "policy",
         "predictor",
         "reward/tick",
         "lead over constant-velocity",
@@ -145,9 +148,10 @@ pub fn swap_report(policy: &str, swaps: &[Swap]) -> StudyReport {
             (result.min_time_to_collision_s, 2),
         ];
         let cells = figures.into_iter().map(|(interval, decimals)| cell(interval, decimals));
-        table.rows.push(std::iter::once(swap.predictor.to_owned()).chain(cells).collect());
+        table.rows.push([result.policy.clone(), swap.predictor.to_owned()].into_iter().chain(cells).collect());
     }
-    let leads: Vec<String> = swaps.iter().skip(1).map(lead).collect();
+    let baseline = Predictor::default().name();
+    let leads: Vec<String> = swaps.iter().filter(|swap| swap.predictor != baseline).map(lead).collect();
     StudyReport {
         name: "predictor",
         title: "What a forecast does for the drive".to_owned(),
@@ -164,5 +168,6 @@ fn lead(swap: &Swap) -> String {
         _ if high < 0.0 => "earns less than",
         _ => "is not told apart from",
     };
-    format!("{} {verdict} constant velocity: {} reward per tick.", swap.predictor, cell(swap.reward_lead, 3))
+    let (policy, predictor, lead) = (&swap.result.policy, swap.predictor, cell(swap.reward_lead, 3));
+    format!("{policy} with {predictor} {verdict} with constant velocity: {lead} reward per tick.")
 }

@@ -1,4 +1,4 @@
-//! What a better forecast does for the drive (X7): the same policy in the same scenarios, planner and controllers given one predictor after
+//! What a better forecast does for the drive (X7): the same policies in the same scenarios, planner and controllers given one predictor after
 //! the other.
 
 use lanecraft_drive::predict::Predictor;
@@ -6,13 +6,16 @@ use serde::Serialize;
 
 use super::PredictorError;
 use crate::config::{RunConfig, SeedRole};
-use crate::evaluate::{PolicyEpisodes, evaluate};
+use crate::evaluate::evaluate;
 use crate::metrics::{Interval, PolicyResult};
 use crate::policy::Policy;
 use crate::progress::Progress;
 
-/// Number of predictors that are compared.
-pub const PREDICTORS: usize = Predictor::ALL.len();
+/// What is compared: the predictors that a car could have, and the truth.
+pub const SWAPPED: [Predictor; Predictor::ALL.len() + 1] = {
+    let [first, second, third, fourth] = Predictor::ALL;
+    [first, second, third, fourth, Predictor::TrueFuture]
+};
 
 /// One predictor in the loop.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -25,23 +28,23 @@ pub struct Swap {
     pub reward_lead: Interval,
 }
 
-/// Drives `policy` with each predictor; each episode is a step of progress.
+/// Drives each policy with each predictor; each episode is a step of progress.
 ///
 /// # Errors
 /// If a scenario cannot be built, or the policy fails.
-pub fn swap(policy: &Policy, config: &RunConfig, progress: &Progress) -> Result<Vec<Swap>, PredictorError> {
-    let mut driven: Vec<(Predictor, PolicyEpisodes)> = Vec::new();
-    for predictor in Predictor::ALL {
-        let mut environment = config.environment.clone();
-        environment.prediction.predictor = predictor;
-        driven.push((predictor, evaluate(policy, &environment, &config.evaluation, SeedRole::Test, progress)?));
+pub fn swap(policies: &[Policy], config: &RunConfig, progress: &Progress) -> Result<Vec<Swap>, PredictorError> {
+    let mut swaps = Vec::new();
+    for policy in policies {
+        let driven = SWAPPED.map(|predictor| {
+            let mut environment = config.environment.clone();
+            environment.prediction.predictor = predictor;
+            Ok((predictor, evaluate(policy, &environment, &config.evaluation, SeedRole::Test, progress)?))
+        });
+        let driven = driven.into_iter().collect::<Result<Vec<_>, PredictorError>>()?;
+        for (predictor, episodes) in &driven {
+            let reward_lead = episodes.reward_difference(&driven[0].1)?;
+            swaps.push(Swap { predictor: predictor.name(), result: episodes.result()?, reward_lead });
+        }
     }
-    let swaps = driven.iter().map(|(predictor, episodes)| {
-        Ok(Swap {
-            predictor: predictor.name(),
-            result: episodes.result()?,
-            reward_lead: episodes.reward_difference(&driven[0].1)?,
-        })
-    });
-    swaps.collect()
+    Ok(swaps)
 }
