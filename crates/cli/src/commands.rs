@@ -9,12 +9,17 @@ pub(crate) mod predictor;
 pub(crate) mod quickstart;
 pub(crate) mod replay;
 pub(crate) mod report;
+pub(crate) mod reproduce;
 pub(crate) mod scenario;
 pub(crate) mod study;
 pub(crate) mod traffic;
 pub(crate) mod train;
 
+use std::path::Path;
+
 use clap::Subcommand;
+use lanecraft_lab::run_dir::atomic;
+use lanecraft_lab::studies::{StudyReport, Table};
 
 use crate::args::Cli;
 use crate::output::Output;
@@ -32,6 +37,8 @@ pub(crate) enum Command {
     Bench(bench::Bench),
     Maneuvers(maneuvers::Maneuvers),
     Study(study::Study),
+    Reproduce(reproduce::Reproduce),
+    Sweep(reproduce::Sweep),
     #[command(subcommand)]
     Predictor(predictor::Predictor),
     #[command(subcommand)]
@@ -55,6 +62,8 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Bench(command) => command.run(output),
         Command::Maneuvers(command) => command.run(output),
         Command::Study(command) => command.run(output),
+        Command::Reproduce(command) => command.run(output),
+        Command::Sweep(command) => command.run(output),
         Command::Predictor(predictor::Predictor::Train(command)) => command.run(output),
         Command::Predictor(predictor::Predictor::Evaluate(command)) => command.run(output),
         Command::Predictor(predictor::Predictor::Swap(command)) => command.run(output),
@@ -63,4 +72,17 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Data(data::Data::Inspect(command)) => command.run(),
         Command::Data(data::Data::Extract(command)) => command.run(output),
     }
+}
+
+/// The files of a report, and its tables as Markdown.
+fn write_report(report: &StudyReport, folder: &Path, output: Output) -> anyhow::Result<()> {
+    let mut written = report.write(folder)?;
+    let markdown: Vec<String> = report.tables.iter().map(Table::markdown).collect();
+    let path = folder.join(format!("{}.md", report.name));
+    atomic::write(&path, format!("{}\n{}\n", markdown.join("\n"), report.summary).as_bytes())?;
+    written.push(path);
+    for path in &written {
+        output.note(&format!("wrote {}", path.display()));
+    }
+    Ok(())
 }

@@ -172,6 +172,8 @@ fn help_shows_examples_for_every_command() {
         "predictor train",
         "predictor evaluate",
         "predictor swap",
+        "reproduce",
+        "sweep",
     ]) {
         let output = lanecraft(folder.path(), &format!("{command} --help"));
         let text = String::from_utf8_lossy(&output.stdout).into_owned();

@@ -157,3 +157,74 @@ fn a_predictor_is_trained_to_the_same_bytes_at_any_number_of_threads_and_drives(
     let swapped = done(path, &format!("predictor swap --episodes 2 --policy rule:keep-lane --json {with}"));
     assert_eq!(swapped.lines().count(), 5, "{swapped}");
 }
+
+/// A study of seconds: two variants that learn and one rule, of which one shares the training of another.
+const STUDY: &str = r#"
+title = "Study"
+summary = "With and without a shield."
+preset = "default"
+reference = "with"
+base = { learner.learning_starts = 50, learner.batch = 8, learner.core = [8], learner.head = [8], evaluation.episode_s = 5 }
+[[variants]]
+name = "with"
+[[variants]]
+name = "without"
+test = { shield.enabled = false }
+[[variants]]
+name = "rule"
+policy = "rule:keep-lane"
+[[claims]]
+source = "Fig. 0"
+metric = "reward"
+variant = "with"
+against = "rule"
+change_percent = 10.0
+"#;
+
+#[test]
+fn a_sweep_runs_only_what_is_missing_and_its_rows_are_the_same_in_any_order() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    fs::write(path.join("study.toml"), STUDY).unwrap();
+    let sweep = |out: &str, with: &str| {
+        done(path, &format!("sweep study.toml --decisions 150 --seeds 2 --episodes 3 --out {out} {with}"))
+    };
+    let tables = sweep("one", "--jobs 3");
+    assert!(tables.contains("without") && tables.contains("Fig. 0"), "{tables}");
+    sweep("two", "--jobs 1");
+    let rows = |out: &str| fs::read_to_string(path.join(out).join("study/rows.csv")).unwrap();
+    assert_eq!(rows("one"), rows("two"));
+    // A row that is there is taken as it is; one that is missing is computed again, to the same bytes.
+    let marked: Vec<String> =
+        rows("one").lines().filter(|line| !line.starts_with("without,1,")).map(str::to_owned).collect();
+    assert_eq!(marked.len(), 5);
+    fs::write(path.join("one/study/rows.csv"), marked.join("\n") + "\n").unwrap();
+    assert_eq!(fs::read_dir(path.join("one/study/runs")).unwrap().count(), 2);
+    sweep("one", "--jobs 2");
+    assert_eq!(rows("one"), rows("two"));
+    for name in ["experiment.html", "experiment.md", "experiment-results.csv", "experiment-safety.svg"] {
+        assert!(path.join("one/study").join(name).exists(), "{name}");
+    }
+}
+
+#[test]
+fn rows_alone_make_the_tables_and_missing_ones_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = run(folder.path(), "reproduce fig12 --budget smoke --rows-only --out none");
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{message}");
+    assert!(message.contains("no row of dqn, seed 0, dqn, seed 1"), "{message}");
+    assert!(!folder.path().join("none").exists());
+    for (line, said) in [
+        ("reproduce fig99 --out none", "did you mean"),
+        ("sweep --out none", "nothing to vary"),
+        ("sweep --vary learner.discuont=0.9 --out none", "did you mean `learner.discount`?"),
+        ("sweep --vary learner.discount=0.9,9 --out none", "`learner.discount` is 9"),
+        ("sweep --vary learner.discount --out none", "KEY=VALUE"),
+    ] {
+        let output = run(folder.path(), line);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{line}: {message}");
+        assert!(message.contains(said), "{line}: {message}");
+    }
+}

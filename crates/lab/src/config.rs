@@ -231,8 +231,13 @@ impl RunConfig {
 
     /// The preset, laid over by `values`, whose keys may be nested or dotted, checked and validated.
     pub fn resolve_table(preset: Preset, values: &Table) -> Result<Self, ConfigFileError> {
+        Self::resolve_tables(preset, &[values])
+    }
+
+    /// The same with several tables, one laid over the other.
+    pub fn resolve_tables(preset: Preset, layers: &[&Table]) -> Result<Self, ConfigFileError> {
         let mut overlay = Self::overlay(preset);
-        overlay.values(values)?;
+        layers.iter().try_for_each(|values| overlay.values(values))?;
         Self::validated(&overlay)
     }
 

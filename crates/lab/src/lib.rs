@@ -8,6 +8,7 @@ pub mod config;
 pub mod data;
 pub mod demonstrations;
 pub mod evaluate;
+pub mod experiments;
 pub mod gym;
 pub mod human_reward;
 pub mod irl;

@@ -18,6 +18,11 @@ use crate::config::RunConfig;
 
 pub use log::RunLog;
 
+/// The program's commit, or `unknown` if it was built without one at hand.
+pub const COMMIT: &str = match option_env!("LANECRAFT_COMMIT") {
+    Some(commit) => commit,
+    None => "unknown",
+};
 /// Version of the layout of a run folder.
 pub const RUN_SCHEMA: u32 = 1;
 /// The file that says what a run is.
@@ -119,7 +124,7 @@ impl Manifest {
         Self {
             schema: RUN_SCHEMA,
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            commit: option_env!("LANECRAFT_COMMIT").unwrap_or("unknown").to_owned(),
+            commit: COMMIT.to_owned(),
             command: command.to_owned(),
             preset: preset.to_owned(),
             seed: config.training.seed,

@@ -106,6 +106,14 @@ pub fn train(run: &RunDir, config: &RunConfig, progress: &Progress) -> Result<f6
     Ok(trainer.learning_time().as_secs_f64())
 }
 
+/// Removes the checkpoint of a finished run, by far its largest file: the run cannot go on any more, but all else can be done with it.
+pub fn drop_checkpoint(run: &RunDir) -> Result<(), RunError> {
+    run.finish(&[CONFIG, POLICY, POLICY_SHAPE, CURVE_CSV, CURVE_JSONL])?;
+    let path = run.path().join(CHECKPOINT);
+    fs::remove_file(&path).map_err(RunDirError::io("remove", &path))?;
+    remove_other_tensors(run, "")
+}
+
 fn fail(path: &Path) -> impl FnOnce(TrainError) -> RunError {
     let path = path.to_owned();
     move |source| RunError::Train { path, source }

@@ -1,6 +1,6 @@
 //! `lanecraft predictor`: what the others will do.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use lanecraft_lab::config::{RunConfig, SeedRole};
@@ -10,11 +10,11 @@ use lanecraft_lab::predictor::{
     swap_report, train_run,
 };
 use lanecraft_lab::progress::Progress;
-use lanecraft_lab::run_dir::{Existing, Manifest, RunDir, atomic};
+use lanecraft_lab::run_dir::{Existing, Manifest, RunDir};
 use lanecraft_lab::runs;
-use lanecraft_lab::studies::StudyReport;
 
 use super::evaluate::{Policy, policy};
+use super::write_report;
 use crate::args::{ConfigArgs, ThreadsArg, flag};
 use crate::output::{Output, answer};
 
@@ -135,7 +135,7 @@ impl Evaluate {
         } else {
             answer(report(&found)?.text().trim_end())?;
         }
-        self.out.as_ref().map_or(Ok(()), |folder| write(&report(&found)?, folder, output))
+        self.out.as_ref().map_or(Ok(()), |folder| write_report(&report(&found)?, folder, output))
     }
 
     fn errors(&self, config: &RunConfig, progress: &Progress) -> anyhow::Result<Vec<(&'static str, Errors)>> {
@@ -207,19 +207,6 @@ impl Swap {
         }
         let report = swap_report(&swaps);
         answer(report.text().trim_end())?;
-        self.out.as_ref().map_or(Ok(()), |folder| write(&report, folder, output))
+        self.out.as_ref().map_or(Ok(()), |folder| write_report(&report, folder, output))
     }
-}
-
-/// The files of a report, and its tables as Markdown.
-fn write(report: &StudyReport, folder: &Path, output: Output) -> anyhow::Result<()> {
-    let mut written = report.write(folder)?;
-    let markdown: Vec<String> = report.tables.iter().map(lanecraft_lab::studies::Table::markdown).collect();
-    let path = folder.join(format!("{}.md", report.name));
-    atomic::write(&path, format!("{}\n{}\n", markdown.join("\n"), report.summary).as_bytes())?;
-    written.push(path);
-    for path in &written {
-        output.note(&format!("wrote {}", path.display()));
-    }
-    Ok(())
 }

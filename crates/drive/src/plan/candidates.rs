@@ -42,6 +42,8 @@ pub struct PlannerConfig {
     pub end_speed_changes_mps: Vec<f64>,
     /// Largest acceleration or braking for a change of speed, m/s².
     pub speed_change_accel_mps2: f64,
+    /// Whether the others have a say in whether a lane change is allowed (Eq. 15). Without it, only the lateral bounds do.
+    pub veto: bool,
     /// Least bumper distance s_saf, m. The paper has no value.
     pub safety_gap_m: f64,
     /// Braking of a leader from now on that must be survived, m/s²: a_x,max of Eq. 15. The paper has no value.
@@ -81,6 +83,7 @@ impl Default for PlannerConfig {
             end_offsets_m: vec![0.0],
             end_speed_changes_mps: vec![0.0],
             speed_change_accel_mps2: 1.5,
+            veto: true,
             safety_gap_m: 5.0,
             leader_decel_mps2: 2.0,
             follower_decel_mps2: 3.0,

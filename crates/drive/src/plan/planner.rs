@@ -71,14 +71,16 @@ impl Planner {
         if scene.way_out().map_or(scene.lane_end_ahead_m(to).is_finite(), |out| out != side) {
             return Err(Refusal::LaneEnds);
         }
-        if scene.neighbors.iter().any(|n| n.occupies(to) && n.gap_m(scene.ego_length_m) < 0.0) {
+        let abreast = |n: &Neighbor| n.occupies(to) && n.gap_m(scene.ego_length_m) < 0.0;
+        if config.veto && scene.neighbors.iter().any(abreast) {
             return Err(Refusal::Occupied);
         }
         let end_m = scene.road.lane_center_m(to);
         let shortest_s = self.shortest_s(scene, start, end_m).ok_or(Refusal::LateralLimit)?;
         let allowed_s = shortest_s.max(config.duration_max_s);
         let share = self.separation_share(scene, start, end_m);
-        let (cause, limit_s) = TimeLimits::new(config, (scene, forecast), to, share, allowed_s).tightest();
+        let limits = TimeLimits::new(config, (scene, forecast), to, share, allowed_s);
+        let (cause, limit_s) = if config.veto { limits.tightest() } else { (Refusal::EmptyWindow, f64::INFINITY) };
         let longest_s = self.steps_s((limit_s.min(allowed_s) / config.duration_step_s + 1e-9).floor());
         if longest_s < shortest_s {
             let alone = limit_s < config.duration_min_s;
@@ -299,6 +301,16 @@ mod tests {
         let entering = Neighbor { target_lane: LaneIndex(2), ..neighbor(2.0, 25.0, 3) };
         let crowded = Scene { road: four_lanes, ..scene(vec![entering]) };
         assert_eq!(window(&crowded, Side::Left).map(|_| ()), Err(Refusal::Occupied));
+    }
+
+    #[test]
+    fn without_a_veto_only_the_lateral_bounds_refuse() {
+        let reckless = PlannerConfig { veto: false, ..PlannerConfig::default() };
+        let reckless = Planner::new(&reckless, &VehicleParams::default()).unwrap();
+        let crowded = scene(vec![neighbor(3.0, 25.0, 2), neighbor(12.0, 20.0, 1), neighbor(-20.0, 33.0, 2)]);
+        assert!(reckless.window(&crowded, &forecast(&crowded), Side::Left).is_ok());
+        let standing = Scene { ego: crate::vehicle::VehicleState { d_m: 3.75, ..Default::default() }, ..crowded };
+        assert_eq!(reckless.window(&standing, &forecast(&standing), Side::Left), Err(Refusal::LateralLimit));
     }
 
     #[test]

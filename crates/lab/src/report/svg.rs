@@ -158,6 +158,17 @@ impl Plot {
         let _ = writeln!(self.body, "<path class=\"curve {}\" d=\"{path}\"{faint}/>", classes(series));
     }
 
+    /// A faint band around a line: at each x from a low to a high y. Points that cannot be drawn are left out.
+    pub(crate) fn ribbon(&mut self, points: &[[f64; 3]], series: usize) {
+        let points: Vec<_> = points.iter().filter(|point| point.iter().all(|value| drawable(*value))).collect();
+        let (low, high) = (self.y.low, self.y.high);
+        let corner = |x: f64, y: f64| format!("{:.1},{:.1} ", self.x_px(x), self.y_px(y.clamp(low, high)));
+        let there = points.iter().map(|[x, _, high]| corner(*x, *high));
+        let back = points.iter().rev().map(|[x, low, _]| corner(*x, *low));
+        let corners: String = there.chain(back).collect();
+        let _ = writeln!(self.body, "<polygon class=\"ribbon s{}\" points=\"{}\"/>", series % 8, corners.trim_end());
+    }
+
     /// A series' mark at a point, if it can be drawn.
     pub(crate) fn point(&mut self, [x, y]: [f64; 2], series: usize) {
         if drawable(x) && drawable(y) {
