@@ -5,6 +5,7 @@
 
 pub mod atomic;
 pub mod log;
+pub(crate) mod tensorboard;
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -10,7 +10,7 @@ use crate::config::{ConfigFileError, RunConfig};
 use crate::metrics::CurvePoint;
 use crate::policy::{Policy, run_name};
 use crate::progress::Progress;
-use crate::run_dir::{CONFIG, RunDir, RunDirError, RunLog, sha256_hex};
+use crate::run_dir::{CONFIG, RunDir, RunDirError, RunLog, sha256_hex, tensorboard};
 use crate::train::{TrainError, Trainer, TrainingState};
 
 /// The checkpoint of a run, from which it goes on; it names the file with its tensors.
@@ -23,6 +23,9 @@ pub const POLICY_SHAPE: &str = "policy.json";
 pub const CURVE_CSV: &str = "training.csv";
 /// The same as JSON lines.
 pub const CURVE_JSONL: &str = "training.jsonl";
+
+/// The same as events for TensorBoard, which finds files by this part of their name.
+pub const CURVE_EVENTS: &str = "training.tfevents";
 
 /// Why a run on disk cannot go on or be used.
 #[derive(Debug, thiserror::Error)]
@@ -70,6 +73,7 @@ struct Checkpoint {
 struct LogLengths {
     csv: u64,
     jsonl: u64,
+    events: u64,
 }
 
 /// Trains in `run` until all decisions are taken, from its checkpoint if it has one. Returns the time spent in updates, s, which ran
@@ -102,13 +106,13 @@ pub fn train(run: &RunDir, config: &RunConfig, progress: &Progress) -> Result<f6
     let (shape, network) = trainer.policy().to_bytes().map_err(|error| fail(run.path())(error.into()))?;
     run.write(POLICY, &network)?;
     run.write(POLICY_SHAPE, &to_json(&shape))?;
-    run.finish(&[CONFIG, CHECKPOINT, POLICY, POLICY_SHAPE, CURVE_CSV, CURVE_JSONL])?;
+    run.finish(&[CONFIG, CHECKPOINT, POLICY, POLICY_SHAPE, CURVE_CSV, CURVE_JSONL, CURVE_EVENTS])?;
     Ok(trainer.learning_time().as_secs_f64())
 }
 
 /// Removes the checkpoint of a finished run, by far its largest file: the run cannot go on any more, but all else can be done with it.
 pub fn drop_checkpoint(run: &RunDir) -> Result<(), RunError> {
-    run.finish(&[CONFIG, POLICY, POLICY_SHAPE, CURVE_CSV, CURVE_JSONL])?;
+    run.finish(&[CONFIG, POLICY, POLICY_SHAPE, CURVE_CSV, CURVE_JSONL, CURVE_EVENTS])?;
     let path = run.path().join(CHECKPOINT);
     fs::remove_file(&path).map_err(RunDirError::io("remove", &path))?;
     remove_other_tensors(run, "")
@@ -174,27 +178,45 @@ fn describe(point: &CurvePoint) -> String {
     )
 }
 
-/// The two logs of a learning curve.
+/// The logs of a learning curve.
 struct Logs {
     csv: RunLog,
     jsonl: RunLog,
+    events: RunLog,
 }
 
 impl Logs {
     fn open(run: &RunDir, lengths: LogLengths) -> Result<Self, RunDirError> {
         let open = |name, len| RunLog::resume(&run.path().join(name), len);
-        Ok(Self { csv: open(CURVE_CSV, lengths.csv)?, jsonl: open(CURVE_JSONL, lengths.jsonl)? })
+        let mut events = open(CURVE_EVENTS, lengths.events)?;
+        if lengths.events == 0 {
+            events.append(&tensorboard::header())?;
+        }
+        Ok(Self { csv: open(CURVE_CSV, lengths.csv)?, jsonl: open(CURVE_JSONL, lengths.jsonl)?, events })
     }
 
     fn append(&mut self, point: &CurvePoint) -> Result<(), RunDirError> {
         self.csv.csv(point)?;
-        self.jsonl.json(point)
+        self.jsonl.json(point)?;
+        let CurvePoint { decisions, updates, reward_per_tick, speed_mps, .. } = *point;
+        let values = [
+            ("training/reward_per_tick", reward_per_tick),
+            ("training/speed_mps", speed_mps),
+            ("training/collisions_per_episode", point.collisions_per_episode),
+            ("training/loss", point.loss),
+            ("training/agreement", point.agreement),
+            ("training/epsilon", point.epsilon),
+            ("training/updates", updates as f64),
+        ];
+        self.events.append(&tensorboard::scalars(decisions, &values))
     }
 
     fn sync(&mut self) -> Result<LogLengths, RunDirError> {
-        self.csv.sync()?;
-        self.jsonl.sync()?;
-        Ok(LogLengths { csv: self.csv.len_bytes(), jsonl: self.jsonl.len_bytes() })
+        let logs = [&mut self.csv, &mut self.jsonl, &mut self.events];
+        for log in logs {
+            log.sync()?;
+        }
+        Ok(LogLengths { csv: self.csv.len_bytes(), jsonl: self.jsonl.len_bytes(), events: self.events.len_bytes() })
     }
 }
 

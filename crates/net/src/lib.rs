@@ -19,6 +19,7 @@ mod adam;
 mod ensemble;
 mod kernel;
 mod lstm;
+pub mod protobuf;
 pub mod random;
 mod shape;
 pub mod tensors;

@@ -1,4 +1,4 @@
-//! Logs that grow by whole lines, as JSON lines or CSV, and are cut back to the length a checkpoint knows.
+//! Logs that grow by whole records, as JSON lines, CSV or bytes, and are cut back to the length a checkpoint knows.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Seek as _, SeekFrom, Write as _};
@@ -68,11 +68,11 @@ impl RunLog {
         Ok(Self { file, path: path.to_owned(), len_bytes })
     }
 
-    /// A line that fits only in part, as on a full disk, is taken back.
-    fn append(&mut self, line: &[u8]) -> Result<(), RunDirError> {
-        match self.file.write_all(line) {
+    /// Appends a record as it is. One that fits only in part, as on a full disk, is taken back.
+    pub fn append(&mut self, record: &[u8]) -> Result<(), RunDirError> {
+        match self.file.write_all(record) {
             Ok(()) => {
-                self.len_bytes += line.len() as u64;
+                self.len_bytes += record.len() as u64;
                 Ok(())
             }
             Err(error) => {
