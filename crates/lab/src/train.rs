@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 use lanecraft_drive::decide::ActionSet;
 use lanecraft_drive::env::{Config, Env, EnvError, StepError, StepOutcome};
 use lanecraft_learn::{
-    ActError, Actor, Exploration, Learner, LearnerConfig, LearnerMetadata, OptionAccumulator, Policy, ReplayBuffer,
-    ReplayError, Transition, UpdateError,
+    ActError, Actor, Exploration, Learner, LearnerConfig, LearnerMetadata, NStepQueue, OptionAccumulator, Policy,
+    ReplayBuffer, ReplayError, Transition, UpdateError,
 };
 use lanecraft_net::random::Stream;
 use rayon::prelude::*;
@@ -80,6 +80,8 @@ struct Seat {
     head: usize,
     actor: Actor,
     option: Option<OptionAccumulator>,
+    /// Finished options whose returns are not complete.
+    returns: NStepQueue,
     /// Actions since the episode began: with its seed they are the environment's whole state.
     actions: Vec<u8>,
 }
@@ -113,7 +115,7 @@ pub struct TrainingState {
 
 /// What a seat brings back from a tick.
 struct SeatTick {
-    transition: Option<Transition>,
+    transitions: Vec<Transition>,
     agreement: Option<f64>,
 }
 
@@ -260,7 +262,7 @@ impl Trainer {
     fn store(&mut self, ticks: Vec<SeatTick>) -> Result<(), TrainError> {
         for tick in ticks {
             self.window.count_agreement(tick.agreement);
-            if let Some(mut transition) = tick.transition {
+            for mut transition in tick.transitions {
                 transition.bootstrap_mask = self.learner.bootstrap_mask(self.replay.pushed());
                 self.replay.push(&transition)?;
             }
@@ -321,7 +323,8 @@ impl Seat {
     ) -> Result<Self, TrainError> {
         let env = Env::new(environment, SeedRole::Training.scenario_seed(training.seed, episode))?;
         let (head, actor) = (learner.head(episode), Actor::new(learner.policy()));
-        Ok(Self { env, episode, head, actor, option: None, actions: Vec::new() })
+        let returns = NStepQueue::new(learner.config().n_step);
+        Ok(Self { env, episode, head, actor, option: None, returns, actions: Vec::new() })
     }
 
     /// Drives one tick. With a stream a decision is due and is taken by the seat's head; without, a lane change goes on.
@@ -332,8 +335,8 @@ impl Seat {
         config: &LearnerConfig,
     ) -> Result<SeatTick, TrainError> {
         let Some((epsilon, mut stream)) = decision else {
-            let transition = self.tick(self.env.actions().continue_action())?;
-            return Ok(SeatTick { transition, agreement: None });
+            let transitions = self.tick(self.env.actions().continue_action())?;
+            return Ok(SeatTick { transitions, agreement: None });
         };
         self.actor.set_policy(policy.clone());
         let (observation, mask) = (self.observation(), self.env.mask().0);
@@ -341,7 +344,7 @@ impl Seat {
         let exploration = Exploration { head: self.head, epsilon };
         let action = self.actor.act(&observation, mask, exploration, &mut stream)?;
         self.option = Some(OptionAccumulator::start(observation, action, config));
-        Ok(SeatTick { transition: self.tick(action)?, agreement: Some(agreement) })
+        Ok(SeatTick { transitions: self.tick(action)?, agreement: Some(agreement) })
     }
 
     /// Takes the actions of an interrupted episode again.
@@ -356,19 +359,31 @@ impl Seat {
         Ok(())
     }
 
-    /// Drives one tick and returns the transition that it completes. An option that the time limit cuts off is dropped: the state
-    /// in the middle of a lane change is no decision state, so there is nothing to bootstrap from.
-    fn tick(&mut self, action: usize) -> Result<Option<Transition>, TrainError> {
+    /// Drives one tick and returns the transitions that it completes.
+    fn tick(&mut self, action: usize) -> Result<Vec<Transition>, TrainError> {
         let StepOutcome { reward, terminated, .. } = self.env.step(action)?;
         self.actions.push(action as u8);
-        let Some(option) = &mut self.option else { return Ok(None) };
-        option.tick(reward.sum());
-        if !terminated && !self.env.decision_due() {
-            return Ok(None);
+        if let Some(option) = &mut self.option {
+            option.tick(reward.sum());
         }
-        let (next_observation, next_mask) = (self.observation(), self.env.mask().0);
-        let option = self.option.take();
-        Ok(option.map(|option| option.finish(next_observation, next_mask, terminated, 0)))
+        let mut complete = Vec::new();
+        if let Some(transition) = self.finish_option(terminated) {
+            complete.extend(self.returns.push(transition));
+        }
+        if self.env.is_over() {
+            complete.extend(self.returns.flush());
+        }
+        Ok(complete)
+    }
+
+    /// The transition of the running option, if the tick has ended it. One that the time limit cuts off is dropped: the state in the
+    /// middle of a lane change is no decision state, so there is nothing to bootstrap from.
+    fn finish_option(&mut self, terminated: bool) -> Option<Transition> {
+        if !terminated && !self.env.decision_due() {
+            return None;
+        }
+        let option = self.option.take()?;
+        Some(option.finish(self.observation(), self.env.mask().0, terminated, 0))
     }
 
     fn observation(&self) -> Vec<f32> {

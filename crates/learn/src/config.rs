@@ -14,6 +14,8 @@ const MAX_LAYERS: usize = 8;
 const MAX_BATCH: usize = 4096;
 /// A width of a layer beyond this is a slip of the keyboard.
 const MAX_WIDTH: usize = 4096;
+/// A return over more decisions is no longer one of temporal differences.
+const MAX_N_STEP: usize = 100;
 /// Longer buffers would not fit the memory of the machines this is made for.
 const MAX_REPLAY: usize = 100_000_000;
 
@@ -36,6 +38,8 @@ pub struct LearnerConfig {
     pub learning_rate_end_fraction: f64,
     /// Discount γ for one tick. Paper: 0.95.
     pub discount: f64,
+    /// Decisions whose rewards a return sums before the value of the next state takes over (Hessel et al., 2018). Paper: 1, Eq. 10.
+    pub n_step: usize,
     /// Transitions in one update. Paper: 64.
     pub batch: usize,
     /// Transitions the replay buffer holds. Paper: 15 000.
@@ -76,6 +80,7 @@ impl Default for LearnerConfig {
             learning_rate: 5e-4,
             learning_rate_end_fraction: 0.05,
             discount: 0.95,
+            n_step: 1,
             batch: 64,
             replay_capacity: 50_000,
             learning_starts: 2_000,
@@ -121,6 +126,7 @@ impl LearnerConfig {
     }
 
     fn validate_counts(&self) -> Result<(), ConfigError> {
+        count("learner.n_step", self.n_step, 1, MAX_N_STEP)?;
         count("learner.batch", self.batch, 1, MAX_BATCH)?;
         count("learner.replay_capacity", self.replay_capacity, 1, MAX_REPLAY)?;
         count("learner.learning_starts", self.learning_starts, 1, self.replay_capacity)?;
@@ -204,10 +210,11 @@ mod tests {
     #[test]
     fn values_out_of_range_and_nan_are_refused_by_key() {
         type Change = fn(&mut LearnerConfig);
-        let cases: [(&str, Change); 10] = [
+        let cases: [(&str, Change); 11] = [
             ("learner.heads", |c| c.heads = 33),
             ("learner.core", |c| c.core = vec![0]),
             ("learner.head", |c| c.head = vec![8; 9]),
+            ("learner.n_step", |c| c.n_step = 0),
             ("learner.batch", |c| c.batch = 0),
             ("learner.learning_starts", |c| c.learning_starts = c.replay_capacity + 1),
             ("learner.decisions_per_update", |c| c.decisions_per_update = 0),
