@@ -53,7 +53,8 @@ impl Adam {
         self.step_on(pulp::Arch::new(), parameters, gradient, learning_rate);
     }
 
-    fn step_on(&mut self, arch: pulp::Arch, parameters: &mut [f32], gradient: &[f32], learning_rate: f64) {
+    /// A step with the vectors of `arch`.
+    pub(crate) fn step_on(&mut self, arch: pulp::Arch, parameters: &mut [f32], gradient: &[f32], learning_rate: f64) {
         debug_assert!(parameters.len() == gradient.len() && parameters.len() == self.first.len());
         self.steps += 1;
         let t = self.steps as f64;

@@ -306,7 +306,9 @@ fn scaled(rows: &Range<usize>, width: usize) -> Range<usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Ensemble, Workspace};
+    use super::{Ensemble, Kernel, Workspace};
+    use crate::Adam;
+    use crate::kernel::archs;
     use crate::random::Stream;
     use crate::shape::NetShape;
 
@@ -405,6 +407,32 @@ mod tests {
         assert_eq!(masked, seen);
         network.backward(&x, &masked, &mut workspace, &mut gradients[1]);
         assert_eq!(gradients[0], gradients[1]);
+    }
+
+    #[test]
+    fn weights_after_a_thousand_updates_have_the_same_bits_at_every_vector_width() {
+        let shape = NetShape { inputs: 5, core: vec![20], head: vec![17, 9], outputs: 3, heads: 4 };
+        let after = archs().into_iter().map(|arch| {
+            let mut stream = Stream::new(4, "updates");
+            let mut network = Ensemble::new(shape.clone(), &mut stream).unwrap();
+            let mut workspace = Workspace::new(&network, 8);
+            // As deep as the widest layer.
+            workspace.kernel = Kernel::with_arch(20, arch);
+            let (mut adam, mut gradient) =
+                (Adam::new(network.parameters().len()), vec![0.0; network.parameters().len()]);
+            for _ in 0..1_000 {
+                let x = random(&mut stream, 8 * 5);
+                let masks: Vec<u32> = (0..8).map(|_| stream.below(16) as u32).collect();
+                // The loss ½ Σ (q − 1)².
+                let q = network.forward_masked(&x, &masks, &mut workspace);
+                let output_gradient: Vec<f32> = q.iter().map(|q| q - 1.0).collect();
+                network.backward(&x, &output_gradient, &mut workspace, &mut gradient);
+                adam.step_on(arch, network.parameters_mut(), &gradient, 1e-3);
+            }
+            network.parameters().iter().map(|weight| weight.to_bits()).collect::<Vec<_>>()
+        });
+        let after: Vec<_> = after.collect();
+        assert!(after.iter().all(|bits| *bits == after[0]), "{:?}", archs());
     }
 
     #[test]
