@@ -4,15 +4,16 @@
 //! for each episode, drives in training; afterwards the heads vote. How far they agree measures how sure they are.
 //!
 //! Departures from the paper: the target copies all heads and the core (the text copies one head); the option of double
-//! targets is added; ties of votes, common with 6 heads, go to the larger mean value, then to the lowest index.
+//! targets and that of a prior under each head are added; ties of votes, common with 6 heads, go to the larger mean value, then to the lowest index.
 
-use crate::algorithm::{Next, best_allowed};
+use crate::algorithm::Next;
 use crate::config::MAX_MASK_BITS;
+use crate::readout::best_allowed;
 use crate::{Choice, double_dqn, dqn};
 
-/// The target y of one head (Eq. 10), or its double form.
-pub(crate) fn target(next: &Next<'_>, double: bool) -> f32 {
-    if double { double_dqn::target(next) } else { dqn::target(next) }
+/// The next action whose value one head's target takes over (Eq. 10), or its double form.
+pub(crate) fn next_action(next: &Next<'_>, double: bool) -> usize {
+    if double { double_dqn::next_action(next) } else { dqn::next_action(next) }
 }
 
 /// The heads' vote on their values `q`, K × A, among the allowed actions.
@@ -20,12 +21,12 @@ pub(crate) fn vote(q: &[f32], actions: usize, allowed: u32) -> Choice {
     let mut votes = [0_u32; MAX_MASK_BITS];
     let mut sums = [0.0_f64; MAX_MASK_BITS];
     for values in q.chunks_exact(actions) {
-        votes[best_allowed(values, allowed)] += 1;
+        votes[best_allowed(values.iter().copied(), allowed)] += 1;
         for (sum, value) in sums.iter_mut().zip(values) {
             *sum += f64::from(*value);
         }
     }
-    let mut winner = best_allowed(&q[..actions], allowed);
+    let mut winner = best_allowed(q[..actions].iter().copied(), allowed);
     for action in (0..actions).filter(|action| allowed >> action & 1 == 1) {
         let ahead = (votes[action], sums[action]) > (votes[winner], sums[winner]);
         let level = votes[action] == votes[winner] && sums[action] == sums[winner];

@@ -11,8 +11,10 @@ use lanecraft_net::{Adam, Ensemble, NetShape, ShapeError};
 use serde::{Deserialize, Serialize};
 
 use crate::config::{MAX_INPUTS, MAX_MASK_BITS, count};
+use crate::prior::Prior;
+use crate::q_network::QNetwork;
 use crate::replay::{Fields, all_actions};
-use crate::{ConfigError, Learner, LearnerConfig, Policy, ReplayBuffer};
+use crate::{ConfigError, Learner, LearnerConfig, Policy, Readout, ReplayBuffer};
 
 /// Version of the layout of checkpoints and policies; another is refused.
 const FORMAT_VERSION: u32 = 1;
@@ -55,6 +57,16 @@ pub struct PolicyMetadata {
     pub head: Vec<usize>,
     /// Number of heads.
     pub heads: usize,
+    /// What the outputs mean; not written if they are plain values.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub readout: Readout,
+    /// Scale of the prior, whose tensors are then there; not written if it is 0.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub prior_scale: f64,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// What is wrong with a checkpoint or a saved policy.
@@ -116,9 +128,9 @@ impl Learner {
         if expected != found {
             return Err(CheckpointError::Replay { expected, found });
         }
-        let shape = self.network.shape();
-        let mut tensors = network_tensors("network", shape, self.network.parameters());
-        tensors.extend(network_tensors("target", shape, self.target.parameters()));
+        let shape = self.network.trained.shape();
+        let mut tensors = network_tensors("network", shape, self.network.trained.parameters());
+        tensors.extend(network_tensors("target", shape, self.target.trained.parameters()));
         tensors.extend(network_tensors("adam.first", shape, self.adam.first_moment()));
         tensors.extend(network_tensors("adam.second", shape, self.adam.second_moment()));
         tensors.extend(replay_tensors(replay));
@@ -158,24 +170,63 @@ impl Learner {
 impl Policy {
     /// The policy as metadata and the bytes of a safetensors file.
     pub fn to_bytes(&self) -> Result<(PolicyMetadata, Vec<u8>), CheckpointError> {
-        let shape = self.network.shape().clone();
-        let bytes = to_bytes(&network_tensors("network", &shape, self.network.parameters()))?;
-        let NetShape { inputs, core, head, outputs, heads } = shape;
-        let format_version = FORMAT_VERSION;
-        Ok((PolicyMetadata { format_version, inputs, actions: outputs, core, head, heads }, bytes))
+        let QNetwork { trained, readout, prior } = &self.network;
+        let mut tensors = network_tensors("network", trained.shape(), trained.parameters());
+        if let Some(prior) = prior {
+            tensors.extend(network_tensors("prior", prior.network.shape(), prior.network.parameters()));
+        }
+        let metadata = PolicyMetadata {
+            format_version: FORMAT_VERSION,
+            inputs: self.inputs(),
+            actions: self.actions(),
+            core: trained.shape().core.clone(),
+            head: trained.shape().head.clone(),
+            heads: self.heads(),
+            readout: *readout,
+            prior_scale: prior.as_ref().map_or(0.0, |prior| prior.scale),
+        };
+        Ok((metadata, to_bytes(&tensors)?))
     }
 
     /// A saved policy.
     pub fn from_bytes(metadata: &PolicyMetadata, bytes: &[u8]) -> Result<Self, CheckpointError> {
         check_version(metadata.format_version)?;
-        let (core, head, heads) = (metadata.core.clone(), metadata.head.clone(), metadata.heads);
-        LearnerConfig { core: core.clone(), head: head.clone(), heads, ..LearnerConfig::default() }.validate()?;
-        check_dimensions(metadata.inputs, metadata.actions)?;
-        let shape = NetShape { inputs: metadata.inputs, core, head, outputs: metadata.actions, heads };
+        let shape = metadata.shape()?;
         let mut file = TensorFile::parse(bytes)?;
         let parameters = read_network(&mut file, "network", &shape)?;
+        let prior = if metadata.prior_scale > 0.0 {
+            let prior_shape = Prior::shape(&shape);
+            let parameters = read_network(&mut file, "prior", &prior_shape)?;
+            let network = Ensemble::from_parameters(prior_shape, parameters)?;
+            Some(Arc::new(Prior { network, scale: metadata.prior_scale }))
+        } else {
+            None
+        };
         file.finish()?;
-        Ok(Self { network: Arc::new(Ensemble::from_parameters(shape, parameters)?) })
+        let trained = Arc::new(Ensemble::from_parameters(shape, parameters)?);
+        Ok(Self { network: QNetwork { trained, readout: metadata.readout, prior } })
+    }
+}
+
+impl PolicyMetadata {
+    /// The shape of the trained network, once everything is in its range.
+    fn shape(&self) -> Result<NetShape, CheckpointError> {
+        let (core, head, heads) = (self.core.clone(), self.head.clone(), self.heads);
+        let (quantiles, prior_scale) = (self.readout.per_action(), self.prior_scale);
+        LearnerConfig {
+            core: core.clone(),
+            head: head.clone(),
+            heads,
+            quantiles,
+            prior_scale,
+            ..LearnerConfig::default()
+        }
+        .validate()?;
+        check_dimensions(self.inputs, self.actions)?;
+        let (outputs, heads) = (self.actions * quantiles, heads * self.readout.streams());
+        let shape = NetShape { inputs: self.inputs, core, head, outputs, heads };
+        shape.validate()?;
+        Ok(shape)
     }
 }
 
@@ -266,7 +317,7 @@ fn refuse<T: std::fmt::Debug>(
 #[cfg(test)]
 mod tests {
     use super::{CheckpointError, LearnerMetadata, PolicyMetadata};
-    use crate::{Actor, Learner, LearnerConfig, Policy, ReplayBuffer, Transition};
+    use crate::{Actor, Algorithm, Learner, LearnerConfig, Policy, Readout, ReplayBuffer, Transition};
     use lanecraft_net::random::Stream;
     use lanecraft_net::tensors::TensorError;
 
@@ -304,7 +355,21 @@ mod tests {
     }
 
     fn trained(steps: u64) -> (Learner, ReplayBuffer) {
-        let mut learner = Learner::new(&config(), 3, 4, 21).unwrap();
+        trained_by(&config(), steps)
+    }
+
+    /// Every readout, and a prior.
+    fn variants() -> [LearnerConfig; 4] {
+        [
+            config(),
+            LearnerConfig { prior_scale: 0.7, ..config() },
+            LearnerConfig { algorithm: Algorithm::DuelingDqn, ..config() },
+            LearnerConfig { algorithm: Algorithm::QuantileDqn, quantiles: 3, ..config() },
+        ]
+    }
+
+    fn trained_by(config: &LearnerConfig, steps: u64) -> (Learner, ReplayBuffer) {
+        let mut learner = Learner::new(config, 3, 4, 21).unwrap();
         let mut replay = learner.empty_replay();
         advance(&mut learner, &mut replay, steps);
         (learner, replay)
@@ -313,8 +378,8 @@ mod tests {
     #[test]
     fn a_resumed_training_continues_bit_for_bit() {
         // 0 and 5: nothing learned yet; 43: the buffer has wrapped and the target is between two copies.
-        for steps in [0, 5, 43] {
-            let (mut learner, mut replay) = trained(steps);
+        for (config, steps) in variants().iter().flat_map(|config| [0, 5, 43].map(|steps| (config, steps))) {
+            let (mut learner, mut replay) = trained_by(config, steps);
             let (metadata, bytes) = learner.to_checkpoint(&replay).unwrap();
             let text = serde_json::to_string(&metadata).unwrap();
             let metadata: LearnerMetadata = serde_json::from_str(&text).unwrap();
@@ -328,17 +393,49 @@ mod tests {
 
     #[test]
     fn a_policy_returns_with_the_same_decisions() {
-        let (learner, _) = trained(43);
-        let (metadata, bytes) = learner.policy().to_bytes().unwrap();
-        let text = serde_json::to_string(&metadata).unwrap();
-        let metadata: PolicyMetadata = serde_json::from_str(&text).unwrap();
-        let policy = Policy::from_bytes(&metadata, &bytes).unwrap();
-        let mut stream = Stream::new(1, "test");
-        let (mut first, mut second) = (Actor::new(learner.policy()), Actor::new(policy));
-        for _ in 0..50 {
-            let observation = [0, 1, 2].map(|_| stream.normal() as f32);
-            assert_eq!(first.greedy(&observation, 0b1101), second.greedy(&observation, 0b1101));
+        for config in variants() {
+            let (learner, _) = trained_by(&config, 43);
+            let (metadata, bytes) = learner.policy().to_bytes().unwrap();
+            let text = serde_json::to_string(&metadata).unwrap();
+            let metadata: PolicyMetadata = serde_json::from_str(&text).unwrap();
+            let policy = Policy::from_bytes(&metadata, &bytes).unwrap();
+            assert_eq!((policy.actions(), policy.heads()), (4, config.head_count()));
+            let mut stream = Stream::new(1, "test");
+            let (mut first, mut second) = (Actor::new(learner.policy()), Actor::new(policy));
+            for _ in 0..50 {
+                let observation = [0, 1, 2].map(|_| stream.normal() as f32);
+                assert_eq!(first.greedy(&observation, 0b1101), second.greedy(&observation, 0b1101));
+            }
         }
+    }
+
+    #[test]
+    fn a_plain_policy_is_written_as_ever_and_others_say_what_they_are() {
+        let told =
+            |config: &LearnerConfig| serde_json::to_string(&trained_by(config, 0).0.policy().to_bytes().unwrap().0);
+        let [plain, prior, dueling, quantile] = variants().map(|config| told(&config).unwrap());
+        assert_eq!(plain, r#"{"format_version":1,"inputs":3,"actions":4,"core":[6],"head":[5],"heads":2}"#);
+        assert!(prior.contains(r#""prior_scale":0.7"#) && dueling.contains(r#""readout":{"kind":"dueling"}"#));
+        assert!(quantile.contains(r#""readout":{"kind":"quantile","quantiles":3}"#));
+    }
+
+    #[test]
+    fn a_policy_without_its_prior_or_with_an_absurd_readout_is_refused() {
+        let [_, with_prior, _, _] = variants();
+        let (mut metadata, bytes) = trained_by(&with_prior, 0).0.policy().to_bytes().unwrap();
+        metadata.prior_scale = 0.0;
+        assert!(matches!(Policy::from_bytes(&metadata, &bytes), Err(CheckpointError::Tensor(_))));
+        metadata.prior_scale = f64::NAN;
+        assert!(matches!(Policy::from_bytes(&metadata, &bytes), Err(CheckpointError::Config(_))));
+        let (mut metadata, bytes) = trained(0).0.policy().to_bytes().unwrap();
+        for readout in
+            [Readout::Dueling, Readout::Quantile { quantiles: 0 }, Readout::Quantile { quantiles: usize::MAX }]
+        {
+            metadata.readout = readout;
+            assert!(Policy::from_bytes(&metadata, &bytes).is_err());
+        }
+        (metadata.readout, metadata.heads) = (Readout::Dueling, 32);
+        assert!(matches!(Policy::from_bytes(&metadata, &bytes), Err(CheckpointError::Shape(_))));
     }
 
     #[test]

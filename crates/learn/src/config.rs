@@ -3,7 +3,7 @@
 use lanecraft_net::NetShape;
 use serde::{Deserialize, Serialize};
 
-use crate::Algorithm;
+use crate::{Algorithm, Readout};
 
 /// Masks of actions and heads are 32 bits wide.
 pub(crate) const MAX_MASK_BITS: usize = 32;
@@ -16,6 +16,10 @@ const MAX_BATCH: usize = 4096;
 const MAX_WIDTH: usize = 4096;
 /// A return over more decisions is no longer one of temporal differences.
 const MAX_N_STEP: usize = 100;
+/// More quantiles than returns could tell apart.
+const MAX_QUANTILES: usize = 256;
+/// Values are of the order of 1 after `reward_scale`; a prior beyond this would drown them.
+const MAX_PRIOR_SCALE: f64 = 100.0;
 /// Longer buffers would not fit the memory of the machines this is made for.
 const MAX_REPLAY: usize = 100_000_000;
 
@@ -51,7 +55,7 @@ pub struct LearnerConfig {
     pub target_update_period: u64,
     /// Decisions between two updates. Preset `paper`: 1.
     pub decisions_per_update: u64,
-    /// Share of random decisions at the start, for `dqn` and `double-dqn`. Preset `paper`: 0, no exploration is mentioned.
+    /// Share of random decisions at the start, for all learners but `bootstrapped-dqn`. Preset `paper`: 0, no exploration is mentioned.
     pub epsilon_start: f64,
     /// Share of random decisions after the linear decrease. Preset `paper`: 0.
     pub epsilon_end: f64,
@@ -64,6 +68,11 @@ pub struct LearnerConfig {
     /// Whether the bootstrapped targets take the action from the online network and its value from the target network
     /// (van Hasselt et al., 2016). Preset `paper`: false, Eq. 10 takes the maximum.
     pub double_targets: bool,
+    /// Scale β of the fixed random network that is added to each head of `bootstrapped-dqn` (Osband, Aslanides and Cassirer, 2018), in
+    /// units of scaled reward; 0 means none. Paper: none.
+    pub prior_scale: f64,
+    /// Quantiles of each action's return for `quantile-dqn` (Dabney et al., 2018, take 200). Paper: none.
+    pub quantiles: usize,
     /// Error at which the Huber loss turns from quadratic to linear.
     pub huber_delta: f64,
     /// Factor on rewards before they are learned from, so that values are of the order of 1.
@@ -92,6 +101,8 @@ impl Default for LearnerConfig {
             bootstrapped_epsilon: 0.05,
             mask_probability: 0.5,
             double_targets: true,
+            prior_scale: 0.0,
+            quantiles: 16,
             huber_delta: 1.0,
             reward_scale: 0.05,
         }
@@ -121,6 +132,7 @@ impl LearnerConfig {
 
     fn validate_network(&self) -> Result<(), ConfigError> {
         count("learner.heads", self.heads, 1, MAX_MASK_BITS)?;
+        count("learner.quantiles", self.quantiles, 1, MAX_QUANTILES)?;
         widths("learner.core", &self.core)?;
         widths("learner.head", &self.head)
     }
@@ -143,6 +155,9 @@ impl LearnerConfig {
         within("learner.epsilon_fraction", self.epsilon_fraction)?;
         within("learner.bootstrapped_epsilon", self.bootstrapped_epsilon)?;
         above_zero("learner.mask_probability", self.mask_probability, 1.0)?;
+        if !(0.0..=MAX_PRIOR_SCALE).contains(&self.prior_scale) {
+            return refused("learner.prior_scale", &self.prior_scale, format!("in 0..={MAX_PRIOR_SCALE}"));
+        }
         above_zero("learner.huber_delta", self.huber_delta, 1e6)?;
         above_zero("learner.reward_scale", self.reward_scale, 1e6)
     }
@@ -152,14 +167,24 @@ impl LearnerConfig {
         if self.algorithm == Algorithm::BootstrappedDqn { self.heads } else { 1 }
     }
 
+    /// What the outputs of the algorithm's network mean.
+    pub fn readout(&self) -> Readout {
+        self.algorithm.readout(self)
+    }
+
+    /// The scale of the prior that the algorithm works with.
+    pub(crate) fn prior_scale_used(&self) -> f64 {
+        if self.algorithm == Algorithm::BootstrappedDqn { self.prior_scale } else { 0.0 }
+    }
+
     /// The network for observations of `inputs` numbers and `actions` actions.
     pub fn net_shape(&self, inputs: usize, actions: usize) -> NetShape {
         NetShape {
             inputs,
             core: self.core.clone(),
             head: self.head.clone(),
-            outputs: actions,
-            heads: self.head_count(),
+            outputs: actions * self.readout().per_action(),
+            heads: self.head_count() * self.readout().streams(),
         }
     }
 }
@@ -210,11 +235,14 @@ mod tests {
     #[test]
     fn values_out_of_range_and_nan_are_refused_by_key() {
         type Change = fn(&mut LearnerConfig);
-        let cases: [(&str, Change); 11] = [
+        let cases: [(&str, Change); 14] = [
             ("learner.heads", |c| c.heads = 33),
             ("learner.core", |c| c.core = vec![0]),
             ("learner.head", |c| c.head = vec![8; 9]),
             ("learner.n_step", |c| c.n_step = 0),
+            ("learner.quantiles", |c| c.quantiles = 257),
+            ("learner.prior_scale", |c| c.prior_scale = -1.0),
+            ("learner.prior_scale", |c| c.prior_scale = f64::NAN),
             ("learner.batch", |c| c.batch = 0),
             ("learner.learning_starts", |c| c.learning_starts = c.replay_capacity + 1),
             ("learner.decisions_per_update", |c| c.decisions_per_update = 0),
@@ -232,7 +260,14 @@ mod tests {
 
     #[test]
     fn only_the_bootstrapped_learner_has_several_heads() {
-        let heads = |algorithm| LearnerConfig { algorithm, ..LearnerConfig::default() }.head_count();
+        let with = |algorithm| LearnerConfig { algorithm, ..LearnerConfig::default() };
+        let heads = |algorithm| with(algorithm).head_count();
         assert_eq!([heads(Algorithm::Dqn), heads(Algorithm::DoubleDqn), heads(Algorithm::BootstrappedDqn)], [1, 1, 6]);
+        let outputs = |algorithm| {
+            let shape = with(algorithm).net_shape(4, 5);
+            (shape.heads, shape.outputs)
+        };
+        // Two streams; 16 quantiles of 5 actions.
+        assert_eq!([outputs(Algorithm::DuelingDqn), outputs(Algorithm::QuantileDqn)], [(2, 5), (1, 80)]);
     }
 }

@@ -1,17 +1,21 @@
 //! The training step that all value learners share (Algorithm 1 without the environment).
 //!
-//! One update draws a batch from the replay buffer, forms targets from the target network, takes the Huber loss of each
-//! head's error, passes it back and lets Adam step. Departures from the paper: updates start at `learning_starts` instead of
+//! One update draws a batch from the replay buffer, forms targets from the target network, takes the loss of each head's error,
+//! passes it back and lets Adam step. Departures from the paper: updates start at `learning_starts` instead of
 //! at a full buffer; the target network follows a count of updates over the whole training, since the printed step within
 //! an episode never reaches the period; loss and optimizer, which the paper does not name, are Huber and Adam.
 
 use std::sync::Arc;
 
 use lanecraft_net::random::Stream;
-use lanecraft_net::{Adam, Ensemble, Workspace};
+use lanecraft_net::{Adam, Ensemble};
 
 use crate::algorithm::Next;
 use crate::config::{MAX_INPUTS, MAX_MASK_BITS, count};
+use crate::loss::all_finite;
+use crate::q_network::{QNetwork, QWorkspace};
+use crate::quantile_dqn::mean;
+use crate::readout::Estimates;
 use crate::{Algorithm, ConfigError, LearnerConfig, Policy, ReplayBuffer};
 
 /// A Q-network in training.
@@ -21,8 +25,8 @@ pub struct Learner {
     pub(crate) inputs: usize,
     pub(crate) actions: usize,
     pub(crate) seed: u64,
-    pub(crate) network: Arc<Ensemble>,
-    pub(crate) target: Ensemble,
+    pub(crate) network: QNetwork,
+    pub(crate) target: QNetwork,
     pub(crate) adam: Adam,
     scratch: Scratch,
 }
@@ -30,25 +34,28 @@ pub struct Learner {
 /// Memory of one update, allocated once.
 #[derive(Clone, Debug)]
 struct Scratch {
-    workspace: Workspace,
+    workspace: QWorkspace,
     /// Slots of the replay buffer in the batch, and the heads that learn from each.
     slots: Vec<usize>,
     head_masks: Vec<u32>,
     /// batch × inputs.
     observation: Vec<f32>,
     next_observation: Vec<f32>,
-    /// For each head the rows that it learns from, × A; at most K × batch × A.
+    /// For each head the estimates of the rows that it learns from, rows × A × estimates of an action.
     online_next: Vec<f32>,
     target_next: Vec<f32>,
-    q: Vec<f32>,
-    output_gradient: Vec<f32>,
+    estimates: Vec<f32>,
+    /// ∂L/∂estimates.
+    slopes: Vec<f32>,
+    /// What the estimates of one action are drawn to.
+    targets: Vec<f32>,
     gradient: Vec<f32>,
 }
 
 /// What one update tells about training.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct UpdateStats {
-    /// Huber loss, the mean over the heads and the transitions each learned from.
+    /// The loss, the mean over the heads and the transitions each learned from.
     pub loss: f64,
     /// Value of the actions taken, the mean over the same.
     pub mean_q: f64,
@@ -81,12 +88,17 @@ pub enum UpdateError {
         value: f64,
     },
     /// Training has diverged.
-    #[error("update {update} has a loss of {loss} or a gradient that is not finite; lower `learner.learning_rate`")]
+    #[error(
+        "update {update} has a loss of {loss} or a gradient that is not finite, on the transitions {batch:?} of the replay buffer; lower \
+         `learner.learning_rate`"
+    )]
     NotFinite {
         /// Number of the update, from 1.
         update: u64,
         /// The loss.
         loss: f64,
+        /// The batch: slots of the replay buffer, see [`ReplayBuffer::get`].
+        batch: Vec<usize>,
     },
 }
 
@@ -110,9 +122,10 @@ impl Learner {
         target: Ensemble,
         adam: Adam,
     ) -> Self {
-        let (inputs, actions) = (network.shape().inputs, network.shape().outputs);
+        let network = QNetwork::new(&config, seed, network);
+        let target = QNetwork { trained: Arc::new(target), ..network.clone() };
         let scratch = Scratch::new(&network, config.batch);
-        Self { config, inputs, actions, seed, network: Arc::new(network), target, adam, scratch }
+        Self { config, inputs: network.inputs(), actions: network.actions(), seed, network, target, adam, scratch }
     }
 
     /// The settings.
@@ -127,7 +140,7 @@ impl Learner {
 
     /// The network as it is now; later updates do not change it.
     pub fn policy(&self) -> Policy {
-        Policy { network: Arc::clone(&self.network) }
+        Policy { network: self.network.clone() }
     }
 
     /// An empty replay buffer of the size and for the dimensions of this learner.
@@ -182,17 +195,21 @@ impl Learner {
         self.check(replay)?;
         self.sample(replay);
         self.evaluate();
-        let stats = self.output_gradient(replay);
-        let Scratch { workspace, observation, output_gradient, gradient, .. } = &mut self.scratch;
-        self.network.backward(observation, output_gradient, workspace, gradient);
+        let stats = self.estimate_slopes(replay);
+        let Scratch { workspace, slots, observation, slopes, gradient, .. } = &mut self.scratch;
+        self.network.backward(observation, slopes, workspace, gradient);
         if !stats.loss.is_finite() || !all_finite(gradient) {
-            return Err(UpdateError::NotFinite { update: self.updates() + 1, loss: stats.loss });
+            return Err(UpdateError::NotFinite {
+                update: self.adam.steps() + 1,
+                loss: stats.loss,
+                batch: slots.clone(),
+            });
         }
         // Copies the network first if a policy still shares it.
-        let network = Arc::make_mut(&mut self.network);
+        let network = Arc::make_mut(&mut self.network.trained);
         self.adam.step(network.parameters_mut(), gradient, learning_rate);
         if self.adam.steps().is_multiple_of(self.config.target_update_period) {
-            self.target.parameters_mut().copy_from_slice(network.parameters());
+            Arc::make_mut(&mut self.target.trained).parameters_mut().copy_from_slice(network.parameters());
         }
         Ok(stats)
     }
@@ -224,88 +241,66 @@ impl Learner {
         let scratch = &mut self.scratch;
         let (workspace, masks, next) = (&mut scratch.workspace, &scratch.head_masks, &scratch.next_observation);
         if self.config.algorithm.needs_online_next(&self.config) {
-            replace(&mut scratch.online_next, self.network.forward_masked(next, masks, workspace));
+            self.network.estimates(next, masks, workspace, &mut scratch.online_next);
         }
-        replace(&mut scratch.target_next, self.target.forward_masked(next, masks, workspace));
-        replace(&mut scratch.q, self.network.forward_masked(&scratch.observation, masks, workspace));
+        self.target.estimates(next, masks, workspace, &mut scratch.target_next);
+        self.network.estimates(&scratch.observation, masks, workspace, &mut scratch.estimates);
     }
 
-    /// Writes ∂L/∂q, laid out as the values: zero but at the actions taken. L is the sum over the heads of the Huber loss of
-    /// the rows each learns from, divided by the batch size.
-    fn output_gradient(&mut self, replay: &ReplayBuffer) -> UpdateStats {
-        let (config, actions, fields) = (&self.config, self.actions, &replay.fields);
-        let (scratch, delta) = (&mut self.scratch, config.huber_delta as f32);
+    /// Writes ∂L/∂estimates: zero but at the actions taken. L is the sum over the heads of the loss of the rows each learns from,
+    /// divided by the batch size.
+    fn estimate_slopes(&mut self, replay: &ReplayBuffer) -> UpdateStats {
+        let (config, readout, fields) = (&self.config, self.network.readout, &replay.fields);
+        let (scratch, delta, batch) = (&mut self.scratch, config.huber_delta as f32, config.batch as f32);
+        let (per_action, width) = (readout.per_action(), self.actions * readout.per_action());
         let (mut loss, mut sum_q, mut start) = (0.0, 0.0, 0);
-        scratch.output_gradient.clear();
-        scratch.output_gradient.resize(scratch.q.len(), 0.0);
+        scratch.slopes.clear();
+        scratch.slopes.resize(scratch.estimates.len(), 0.0);
         for head in 0..config.head_count() {
             for &row in scratch.workspace.rows(head) {
                 let slot = scratch.slots[row];
+                let values = start..start + width;
                 let next = Next {
                     reward: fields.reward[slot],
                     discount: fields.discount[slot],
                     allowed: fields.next_action_mask[slot],
-                    online: scratch.online_next.get(start..start + actions).unwrap_or_default(),
-                    target: &scratch.target_next[start..start + actions],
+                    online: Estimates::new(scratch.online_next.get(values.clone()).unwrap_or_default(), per_action),
+                    target: Estimates::new(&scratch.target_next[values], per_action),
                 };
-                let taken = start + fields.action[slot] as usize;
-                let error = scratch.q[taken] - config.algorithm.target(&next, config);
-                scratch.output_gradient[taken] = clip(error, delta) / scratch.slots.len() as f32;
-                loss += f64::from(huber(error, delta));
-                sum_q += f64::from(scratch.q[taken]);
-                start += actions;
+                config.algorithm.targets(&next, config, &mut scratch.targets);
+                let taken = start + fields.action[slot] as usize * per_action;
+                let taken = taken..taken + per_action;
+                let (estimates, slopes) = (&scratch.estimates[taken.clone()], &mut scratch.slopes[taken]);
+                loss += f64::from(readout.loss(estimates, &scratch.targets, delta, slopes));
+                for slope in slopes {
+                    *slope /= batch;
+                }
+                sum_q += f64::from(mean(estimates));
+                start += width;
             }
         }
-        let count = (start / actions).max(1) as f64;
+        let count = (start / width).max(1) as f64;
         UpdateStats { loss: loss / count, mean_q: sum_q / count }
     }
 }
 
 impl Scratch {
-    fn new(network: &Ensemble, batch: usize) -> Self {
-        let shape = network.shape();
-        let (observations, values) = (batch * shape.inputs, shape.heads * batch * shape.outputs);
+    fn new(network: &QNetwork, batch: usize) -> Self {
+        let estimates = network.heads() * batch * network.actions() * network.readout.per_action();
         Self {
-            workspace: Workspace::new(network, batch),
+            workspace: network.workspace(batch),
             slots: vec![0; batch],
             head_masks: vec![0; batch],
-            observation: vec![0.0; observations],
-            next_observation: vec![0.0; observations],
-            online_next: Vec::with_capacity(values),
-            target_next: Vec::with_capacity(values),
-            q: Vec::with_capacity(values),
-            output_gradient: Vec::with_capacity(values),
-            gradient: vec![0.0; network.parameters().len()],
+            observation: vec![0.0; batch * network.inputs()],
+            next_observation: vec![0.0; batch * network.inputs()],
+            online_next: Vec::with_capacity(estimates),
+            target_next: Vec::with_capacity(estimates),
+            estimates: Vec::with_capacity(estimates),
+            slopes: Vec::with_capacity(estimates),
+            targets: Vec::with_capacity(network.readout.per_action()),
+            gradient: vec![0.0; network.trained.parameters().len()],
         }
     }
-}
-
-/// Makes `to` a copy of `from` within the memory it has.
-fn replace(to: &mut Vec<f32>, from: &[f32]) {
-    to.clear();
-    to.extend_from_slice(from);
-}
-
-/// Loss of Huber (1964): quadratic up to `delta`, then linear.
-fn huber(error: f32, delta: f32) -> f32 {
-    let size = error.abs();
-    if size <= delta { 0.5 * error * error } else { delta * (size - 0.5 * delta) }
-}
-
-/// Its derivative. Written so that NaN stays NaN.
-fn clip(error: f32, delta: f32) -> f32 {
-    if error > delta {
-        delta
-    } else if error < -delta {
-        -delta
-    } else {
-        error
-    }
-}
-
-/// Whether all values are finite, by the largest magnitude as integer bits, which vectorizes.
-fn all_finite(values: &[f32]) -> bool {
-    values.iter().fold(0, |largest, value| largest.max(value.to_bits() & 0x7FFF_FFFF)) < f32::INFINITY.to_bits()
 }
 
 #[cfg(test)]

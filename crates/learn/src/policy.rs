@@ -1,18 +1,18 @@
 //! Acting: a snapshot of the network and what takes decisions with it.
 
-use std::sync::Arc;
-
+use lanecraft_net::Ensemble;
 use lanecraft_net::random::Stream;
-use lanecraft_net::{Ensemble, Workspace};
 
-use crate::algorithm::best_allowed;
 use crate::bootstrapped_dqn::vote;
+use crate::loss::all_finite;
+use crate::q_network::{QNetwork, QWorkspace};
+use crate::readout::best_allowed;
 use crate::replay::all_actions;
 
 /// A network that no longer changes. Cloning shares it, so that threads can act with it while the learner goes on.
 #[derive(Clone, Debug)]
 pub struct Policy {
-    pub(crate) network: Arc<Ensemble>,
+    pub(crate) network: QNetwork,
 }
 
 /// A decision of all heads together.
@@ -71,22 +71,22 @@ pub enum ActError {
 impl Policy {
     /// Length of an observation.
     pub fn inputs(&self) -> usize {
-        self.network.shape().inputs
+        self.network.inputs()
     }
 
     /// Number of actions.
     pub fn actions(&self) -> usize {
-        self.network.shape().outputs
+        self.network.actions()
     }
 
     /// Number of heads.
     pub fn heads(&self) -> usize {
-        self.network.shape().heads
+        self.network.heads()
     }
 
-    /// The network.
+    /// The trained network.
     pub fn network(&self) -> &Ensemble {
-        &self.network
+        &self.network.trained
     }
 }
 
@@ -94,14 +94,16 @@ impl Policy {
 #[derive(Clone, Debug)]
 pub struct Actor {
     policy: Policy,
-    workspace: Workspace,
+    workspace: QWorkspace,
+    estimates: Vec<f32>,
+    q: Vec<f32>,
 }
 
 impl Actor {
     /// An actor with this policy.
     pub fn new(policy: Policy) -> Self {
-        let workspace = Workspace::new(&policy.network, 1);
-        Self { policy, workspace }
+        let workspace = policy.network.workspace(1);
+        Self { policy, workspace, estimates: Vec::new(), q: Vec::new() }
     }
 
     /// The policy.
@@ -111,7 +113,7 @@ impl Actor {
 
     /// Goes on with another policy.
     pub fn set_policy(&mut self, policy: Policy) {
-        if policy.network.shape() == self.policy.network.shape() {
+        if policy.network.is_like(&self.policy.network) {
             self.policy = policy;
         } else {
             *self = Self::new(policy);
@@ -141,7 +143,7 @@ impl Actor {
         if stream.bernoulli(exploration.epsilon) {
             return Ok(nth_allowed(allowed, stream.below(allowed.count_ones() as usize)));
         }
-        Ok(best_allowed(q, allowed))
+        Ok(best_allowed(q.iter().copied(), allowed))
     }
 
     /// Values of the heads in `heads` (head 0 in the lowest bit), heads × A, and the mask without bits beyond the actions.
@@ -154,11 +156,12 @@ impl Actor {
         if allowed == 0 {
             return Err(ActError::NothingAllowed { mask, actions });
         }
-        let q = self.policy.network.forward_masked(observation, &[heads], &mut self.workspace);
-        if q.iter().any(|value| !value.is_finite()) {
+        let network = &self.policy.network;
+        network.estimates(observation, &[heads], &mut self.workspace, &mut self.estimates);
+        if !all_finite(&self.estimates) {
             return Err(ActError::NotFinite);
         }
-        Ok((q, allowed))
+        Ok((network.readout.q(&self.estimates, &mut self.q), allowed))
     }
 }
 

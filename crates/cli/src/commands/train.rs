@@ -61,6 +61,10 @@ enum Algorithm {
     Dqn,
     /// One head, chosen by one net and valued by the other (van Hasselt et al., 2016)
     DoubleDqn,
+    /// Double DQN with streams for value and advantages (Wang et al., 2016)
+    DuelingDqn,
+    /// One head of quantiles of the return (Dabney et al., 2018)
+    QuantileDqn,
 }
 
 impl Algorithm {
