@@ -147,7 +147,10 @@ class PolicyCore:
     @property
     def actions(self) -> int | None:
         """Number of actions that a network chooses among; ``None`` for a rule."""
+    def to_onnx(self) -> bytes:
+        """A network as an ONNX model: ``observation`` and ``action_mask`` to ``q_heads``, ``q`` and ``action``."""
     def _act(self, env: EnvCore) -> int: ...
+    def _q_heads(self, observations: NDArray[np.float32]) -> NDArray[np.float32]: ...
     def _predict(self, observations: NDArray[np.float32], masks: NDArray[np.bool_]) -> NDArray[np.int64]: ...
 
 @disjoint_base

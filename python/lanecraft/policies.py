@@ -58,17 +58,39 @@ class Policy(PolicyCore):
             TypeError: the policy is a rule, which needs the environment.
             ActionError: shapes that do not fit, numbers that are not finite, or a mask that allows nothing.
         """
-        shape, actions = self.observation_shape, self.actions
-        if shape is None or actions is None:
+        rows, many = self._rows(observation)
+        masks = _masks(action_mask, rows.shape[:many], self.actions or 0)
+        chosen = self._predict(rows, masks)
+        return chosen if many else int(chosen[0])
+
+    def q_heads(self, observation: ArrayLike) -> NDArray[np.float32]:
+        """How every head of a network values every action, in units of scaled reward: where the heads differ, the network is unsure.
+
+        Args:
+            observation: of shape ``observation_shape``, or with one axis more in front.
+
+        Returns:
+            Of shape (heads, actions), or (observations, heads, actions).
+
+        Raises:
+            TypeError: the policy is a rule.
+            ActionError: shapes that do not fit, or numbers that are not finite.
+        """
+        rows, many = self._rows(observation)
+        values = self._q_heads(rows)
+        return values if many else values[0]
+
+    def _rows(self, observation: ArrayLike) -> tuple[NDArray[np.float32], bool]:
+        """Observations one a row, and whether there is an axis for many."""
+        shape = self.observation_shape
+        if shape is None:
             raise TypeError(f"{self.name} needs the environment: use `act`")
         with np.errstate(over="ignore"):  # what does not fit is refused with what is not finite
             observations = _tasks.checked_reals("observation", observation).astype(np.float32)
         many = observations.ndim == len(shape) + 1
         if observations.shape[many:] != tuple(shape):
             raise ActionError(f"observations have shape {observations.shape}, but must have {tuple(shape)}, or one axis more in front")
-        rows = observations.reshape(-1, int(np.prod(shape)))
-        chosen = self._predict(np.ascontiguousarray(rows), _masks(action_mask, observations.shape[:many], actions))
-        return chosen if many else int(chosen[0])
+        return np.ascontiguousarray(observations.reshape(-1, int(np.prod(shape)))), many
 
     def __repr__(self) -> str:
         return f"Policy({self.name!r})"

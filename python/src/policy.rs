@@ -8,9 +8,10 @@ use lanecraft_lab::pairing::Entrant;
 use lanecraft_lab::policy::{Pilot, Policy, vote};
 use lanecraft_lab::runs::read_config;
 use lanecraft_learn::Actor;
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
 use crate::env::EnvCore;
 use crate::errors::{self, ActionError};
@@ -77,6 +78,29 @@ impl PolicyCore {
         let actions: Result<Vec<_>, _> = rows.rows().into_iter().zip(masks.rows()).map(act).collect();
         let actions = actions.map_err(|error| ActionError::new_err(errors::message(&error)))?;
         Ok(PyArray1::from_vec(py, actions))
+    }
+
+    /// Q of every head for these observations, one a row: observations × heads × actions.
+    fn _q_heads<'py>(
+        &self,
+        py: Python<'py>,
+        observations: &Bound<'py, PyArray2<f32>>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let network = self.network()?;
+        let mut actor = Actor::new(network.clone());
+        let rows = observations.try_readonly()?;
+        let rows = rows.as_array();
+        let mut q = Vec::with_capacity(rows.nrows() * network.heads() * network.actions());
+        for row in rows.rows() {
+            let of_row = actor.q_heads(&row.to_vec());
+            q.extend_from_slice(of_row.map_err(|error| ActionError::new_err(errors::message(&error)))?);
+        }
+        PyArray1::from_vec(py, q).reshape([rows.nrows(), network.heads(), network.actions()])
+    }
+
+    /// The network as the bytes of an ONNX model.
+    fn to_onnx<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
+        Ok(PyBytes::new(py, &self.network()?.to_onnx()))
     }
 }
 

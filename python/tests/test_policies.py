@@ -156,3 +156,35 @@ def test_the_driver_that_comes_with_the_package_drives():
         assert driver.predict(observation, info["action_mask"]) == driver.act(env)
         observation, *_, info = env.step(driver.act(env))
     assert info["speed_mps"] > 15.0
+
+
+def test_heads_value_actions_as_the_vote_does() -> None:
+    policy = policies.load("highway")
+    observations = np.random.default_rng(1).normal(size=(50, INPUTS)).astype(np.float32)
+    q = policy.q_heads(observations)
+    assert q.shape == (50, 6, ACTIONS)
+    np.testing.assert_array_equal(policy.q_heads(observations[3]), q[3])
+    votes = np.array([np.bincount(q[row].argmax(axis=1), minlength=ACTIONS) for row in range(50)])
+    clear = np.sort(votes, axis=1)[:, -1] > np.sort(votes, axis=1)[:, -2]
+    assert clear.sum() > 10
+    np.testing.assert_array_equal(policy.predict(observations)[clear], votes[clear].argmax(axis=1))
+    with pytest.raises(TypeError):
+        policies.load("rule:best-lane").q_heads(observations)
+    with pytest.raises(lanecraft.ActionError):
+        policy.q_heads(observations[:, 1:])
+
+
+def test_the_onnx_model_is_the_policy() -> None:
+    onnxruntime = pytest.importorskip("onnxruntime")
+    pytest.importorskip("onnx").checker.check_model(policies.load("highway").to_onnx(), full_check=True)
+    policy = policies.load("highway")
+    session = onnxruntime.InferenceSession(policy.to_onnx(), providers=["CPUExecutionProvider"])
+    random = np.random.default_rng(2)
+    observations = random.uniform(-1, 1, size=(500, INPUTS)).astype(np.float32)
+    masks = random.random((500, ACTIONS)) < 0.6
+    masks[:, 0] = True
+    q_heads, q, action = session.run(None, {"observation": observations, "action_mask": masks})
+    expected = policy.q_heads(observations)
+    np.testing.assert_allclose(q_heads, expected, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(q, expected.mean(axis=1), rtol=0, atol=1e-5)
+    np.testing.assert_array_equal(action, policy.predict(observations, masks))

@@ -3,6 +3,7 @@
 pub(crate) mod bench;
 pub(crate) mod data;
 pub(crate) mod evaluate;
+pub(crate) mod export;
 pub(crate) mod irl;
 pub(crate) mod maneuvers;
 pub(crate) mod predictor;
@@ -33,6 +34,7 @@ pub(crate) enum Command {
     Train(train::Train),
     Evaluate(evaluate::Evaluate),
     Report(report::Report),
+    Export(export::Export),
     Replay(replay::Replay),
     Bench(bench::Bench),
     Maneuvers(maneuvers::Maneuvers),
@@ -58,6 +60,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Train(command) => command.run(output),
         Command::Evaluate(command) => command.run(output),
         Command::Report(command) => command.run(output),
+        Command::Export(command) => command.run(),
         Command::Replay(command) => command.run(output),
         Command::Bench(command) => command.run(output),
         Command::Maneuvers(command) => command.run(output),

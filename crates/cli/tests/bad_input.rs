@@ -174,6 +174,7 @@ fn help_shows_examples_for_every_command() {
         "predictor swap",
         "reproduce",
         "sweep",
+        "export",
     ]) {
         let output = lanecraft(folder.path(), &format!("{command} --help"));
         let text = String::from_utf8_lossy(&output.stdout).into_owned();

@@ -34,6 +34,7 @@ pub mod irl;
 mod learner;
 mod loss;
 mod n_step;
+mod onnx;
 mod policy;
 mod prior;
 mod q_network;

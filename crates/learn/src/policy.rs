@@ -3,6 +3,7 @@
 use lanecraft_net::Ensemble;
 use lanecraft_net::random::Stream;
 
+use crate::Readout;
 use crate::bootstrapped_dqn::vote;
 use crate::loss::all_finite;
 use crate::q_network::{QNetwork, QWorkspace};
@@ -88,6 +89,16 @@ impl Policy {
     pub fn network(&self) -> &Ensemble {
         &self.network.trained
     }
+
+    /// How its outputs are read.
+    pub fn readout(&self) -> Readout {
+        self.network.readout
+    }
+
+    /// The prior under the heads with its scale, if there is one.
+    pub fn prior(&self) -> Option<(&Ensemble, f32)> {
+        self.network.prior.as_ref().map(|prior| (&prior.network, prior.scale as f32))
+    }
 }
 
 /// Takes decisions with a policy; one for each thread, since it owns the memory of a forward pass.
@@ -118,6 +129,11 @@ impl Actor {
         } else {
             *self = Self::new(policy);
         }
+    }
+
+    /// Q of every head for each action, heads × A, in units of scaled reward.
+    pub fn q_heads(&mut self, observation: &[f32]) -> Result<&[f32], ActError> {
+        Ok(self.values(observation, u32::MAX, u32::MAX)?.0)
     }
 
     /// The vote of all heads among the actions of `mask` (action 0 in the lowest bit).

@@ -2,6 +2,7 @@
 
 /// A message that is being written: fields in the order of the calls.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[must_use]
 pub struct Message {
     bytes: Vec<u8>,
 }

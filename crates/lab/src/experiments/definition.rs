@@ -238,7 +238,8 @@ impl Definition {
         for (key, values) in keys {
             let with = |variant: &Variant, value: &toml::Value| {
                 let mut variant = variant.clone();
-                variant.name = format!("{} {key}={}", variant.name, shown(value)).trim_start().to_owned();
+                let assignment = format!("{key}={}", shown(value));
+                variant.name = if variant.name.is_empty() { assignment } else { variant.name + " " + &assignment };
                 variant.set.insert(key.clone(), value.clone());
                 variant
             };
