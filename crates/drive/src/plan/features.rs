@@ -7,8 +7,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::interaction::{INTERACTIONS, Interaction};
+use super::interaction::{interaction, interacts};
 use super::motion::Motion;
+use super::samples::{SampledCourse, Samples};
 use crate::config::{ConfigError, check_range};
 use crate::predict::ForecastPoint;
 
@@ -30,10 +31,6 @@ pub const FEATURE_NAMES: [&str; FEATURES] = [
 
 /// How many of them are the paper's.
 pub const PAPER_FEATURES: usize = 4;
-
-/// Terms of the collision sum with an exponent below this are left out, so that H_col is too small by at most e⁻⁹ ≈ 1.2e-4 for each
-/// vehicle, against sums of about 0.5.
-const NEGLIGIBLE_EXPONENT: f64 = -9.0;
 
 /// Sampling step that makes H_tra = t_c²/η the printed values of Table IV (0.05 t_c), s.
 const TRAVEL_STEP_S: f64 = 0.05;
@@ -101,8 +98,13 @@ impl FeatureConfig {
     }
 
     /// Number of samples η of a path of this duration.
-    pub fn samples(&self, duration_s: f64) -> u32 {
-        (duration_s / self.sample_step_s).round().max(1.0) as u32
+    pub fn samples(&self, duration_s: f64) -> usize {
+        (duration_s / self.sample_step_s).round().max(1.0) as usize
+    }
+
+    /// Number of samples at which it still moves: the last one may come after its end, but not by rounding.
+    fn moving_samples(&self, duration_s: f64) -> usize {
+        self.samples(duration_s).min((duration_s / self.sample_step_s + 1e-9) as usize)
     }
 
     /// Factors from SI to `units`.
@@ -157,174 +159,58 @@ pub fn features_of_set<F: Fn(usize, f64) -> ForecastPoint>(
     out: &mut [[f64; FEATURES]],
 ) {
     debug_assert_eq!(motions.len(), out.len());
-    let factors = config.unit_factors();
-    let mut rest = out;
+    let samples = Samples::new(config, motions, others);
+    let mut room = Room::default();
+    let mut vectors = out.iter_mut();
     for same_course in motions.chunk_by(|a, b| a.course() == b.course()) {
-        let (sums, later) = rest.split_at_mut(same_course.len());
-        let mut course = SampledCourse::new(config, same_course, others);
-        for (motion, sums) in same_course.iter().zip(sums.iter_mut()) {
-            *sums = course.features(motion, config.samples(motion.lateral.duration_s));
-        }
-        if let Some(mut interaction) = Interaction::new(selection, config.lateral_scale_m) {
-            add_interaction(config, &mut interaction, same_course, others, sums);
-        }
-        for (sum, factor) in sums.iter_mut().flat_map(|sums| sums.iter_mut().zip(factors)) {
-            *sum *= factor;
-        }
-        rest = later;
-    }
-}
-
-/// Means of what `interaction` sees; all `motions` have the course of the first one.
-fn add_interaction<F: Fn(usize, f64) -> ForecastPoint>(
-    config: &FeatureConfig,
-    interaction: &mut Interaction,
-    motions: &[Motion],
-    others: &Surroundings<F>,
-    out: &mut [[f64; FEATURES]],
-) {
-    let course = motions[0].course();
-    for sample in 1..=most_samples(config, motions) {
-        let time_s = f64::from(sample) * config.sample_step_s;
-        interaction.at(time_s, &course, others);
-        for (motion, sums) in motions.iter().zip(out.iter_mut()) {
-            if sample <= config.samples(motion.lateral.duration_s) {
-                interaction.add(motion.lateral.at(time_s).0, sums);
-            }
-        }
-    }
-    for (motion, sums) in motions.iter().zip(out) {
-        for sum in &mut sums[FEATURES - INTERACTIONS..] {
-            *sum /= f64::from(config.samples(motion.lateral.duration_s));
+        let course = SampledCourse::new(config, &samples, same_course);
+        for (motion, vector) in same_course.iter().zip(&mut vectors) {
+            *vector = features_on_course(config, selection, motion, &course, &mut room);
         }
     }
 }
 
-/// Largest number of samples of one of `motions`.
-fn most_samples(config: &FeatureConfig, motions: &[Motion]) -> u32 {
-    motions.iter().map(|motion| config.samples(motion.lateral.duration_s)).max().unwrap_or(0)
-}
-
-/// What all motions of one course share, by sample: the way along the road, and the others' distances along it.
-struct SampledCourse {
-    /// Time (s), 1/V (s/m) and squared jerk along the road (m²/s⁶).
-    instants: Vec<(f64, f64, f64)>,
-    near: Vec<Near>,
-    /// σ₁/scale², 1/m².
-    lateral: f64,
-    /// Room to work in, by sample: lateral position of the motion looked at (m), and exponents of its risk.
+/// Room to work in, by sample: lateral position of the motion looked at (m), and its collision risk.
+#[derive(Default)]
+struct Room {
     d_m: Vec<f64>,
-    exponents: Vec<f64>,
+    risk: Vec<f64>,
 }
 
-impl SampledCourse {
-    /// Of `motions`, which all have the course of the first one.
-    fn new<F: Fn(usize, f64) -> ForecastPoint>(
-        config: &FeatureConfig,
-        motions: &[Motion],
-        others: &Surroundings<F>,
-    ) -> Self {
-        let course = motions[0].course();
-        let instants: Vec<_> = (1..=most_samples(config, motions))
-            .map(|sample| {
-                let time_s = f64::from(sample) * config.sample_step_s;
-                let (_, speed_mps, jerk) = course.at(time_s);
-                (time_s, 1.0 / speed_mps, jerk * jerk)
-            })
-            .collect();
-        let longitudinal = config.sigma_longitudinal / (config.longitudinal_scale_m * config.longitudinal_scale_m);
-        let track = |vehicle: usize| {
-            let point = |&(time_s, ..): &(f64, f64, f64)| {
-                let ForecastPoint { ahead_m, d_m, .. } = (others.at)(vehicle, time_s);
-                let along_m = ahead_m - course.at(time_s).0;
-                (longitudinal * along_m * along_m, d_m)
-            };
-            Near::new(instants.iter().map(point).collect())
-        };
-        let near = (0..others.half_lengths_m.len()).filter_map(track).collect();
-        let lateral = config.sigma_lateral / (config.lateral_scale_m * config.lateral_scale_m);
-        let [d_m, exponents] = [(); 2].map(|()| Vec::with_capacity(instants.len()));
-        Self { instants, near, lateral, d_m, exponents }
-    }
-
-    /// The features of `motion` without those of its interaction.
-    fn features(&mut self, motion: &Motion, samples: u32) -> [f64; FEATURES] {
-        let (mut heading, mut yaw_rate, mut jerk) = (0.0, 0.0, 0.0);
-        self.d_m.resize(samples as usize, 0.0);
-        for (&(time_s, per_speed, along_jerk2), at_m) in self.instants.iter().zip(&mut self.d_m) {
-            let (d_m, speed, accel, lateral_jerk) = motion.lateral.at(time_s);
-            heading += (speed * per_speed) * (speed * per_speed);
-            yaw_rate += (accel * per_speed) * (accel * per_speed);
-            jerk += lateral_jerk * lateral_jerk + along_jerk2;
-            *at_m = d_m;
-        }
-        let count = f64::from(samples);
-        let travel = TRAVEL_STEP_S * motion.lateral.duration_s;
-        let peak_mps2 = motion.lateral.max_accel_mps2();
-        [heading / count, self.collision() / count, yaw_rate / count, travel, jerk / count, peak_mps2, 0.0, 0.0, 0.0]
-    }
-
-    /// Sum of the potentials of all others on the path `d_m`.
-    fn collision(&mut self) -> f64 {
-        self.near.iter().map(|near| near.risk(self.lateral, &self.d_m, &mut self.exponents)).sum()
-    }
-}
-
-/// A vehicle whose longitudinal distance lets it count in the collision sum.
-struct Near {
-    /// Before this sample it is too far away.
-    first: usize,
-    /// From then on to the last sample at which it is near: longitudinal exponent and lateral position, m.
-    track: Vec<(f64, f64)>,
-}
-
-impl Near {
-    /// None of a vehicle that is always too far away.
-    fn new(mut track: Vec<(f64, f64)>) -> Option<Self> {
-        let (first, last) = ends_of_what_counts(&track, |point| point.0)?;
-        track.truncate(last + 1);
-        track.drain(..first);
-        Some(Self { first, track })
-    }
-
-    /// Σ exp(longitudinal exponent + `lateral` · ΔY²) over the samples of the path `d_m`; `exponents` is room to work in.
-    fn risk(&self, lateral: f64, d_m: &[f64], exponents: &mut Vec<f64>) -> f64 {
-        exponents.clear();
-        exponents.extend(d_m.iter().skip(self.first).zip(&self.track).map(|(d_m, (along, other_d_m))| {
-            let across_m = d_m - other_d_m;
-            along + lateral * across_m * across_m
-        }));
-        let Some((first, last)) = ends_of_what_counts(exponents, |exponent| *exponent) else { return 0.0 };
-        let terms = &mut exponents[first..=last];
-        for term in &mut *terms {
-            *term = exp_unless_negligible(*term);
-        }
-        terms.iter().sum()
-    }
-}
-
-/// Where the first and the last of `items` stand whose exponent is not negligible.
-fn ends_of_what_counts<T>(items: &[T], exponent: impl Fn(&T) -> f64) -> Option<(usize, usize)> {
-    let counts = |item: &T| exponent(item) >= NEGLIGIBLE_EXPONENT;
-    Some((items.iter().position(counts)?, items.iter().rposition(counts)?))
-}
-
-/// exp(`exponent`) of an exponent from [`NEGLIGIBLE_EXPONENT`] to 0 with a relative error below 1e-11, and 0 below that.
-///
-/// exp(x) = exp(x/256)²⁵⁶ with the Taylor polynomial of sixth degree, whose remainder (9/256)⁷/7! becomes 256 times as large. There
-/// is no branch and no table, so that compilers evaluate it for several samples at once.
-fn exp_unless_negligible(exponent: f64) -> f64 {
-    let x = exponent / 256.0;
-    let terms = [1.0 / 720.0, 1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0];
-    let mut power = terms.into_iter().fold(0.0, |sum, term| sum * x + term);
-    for _ in 0..8 {
-        power *= power;
-    }
-    if exponent >= NEGLIGIBLE_EXPONENT { power } else { 0.0 }
+/// H of a motion whose course is `course`.
+fn features_on_course(
+    config: &FeatureConfig,
+    selection: &Selection,
+    motion: &Motion,
+    course: &SampledCourse,
+    Room { d_m, risk }: &mut Room,
+) -> [f64; FEATURES] {
+    let duration_s = motion.lateral.duration_s;
+    let counts = (config.samples(duration_s), config.moving_samples(duration_s));
+    course.place(motion, counts, d_m);
+    let [heading, yaw_rate, jerk] = course.squares(motion, counts);
+    let [headway, closing, imposed] =
+        if interacts(selection) { interaction(course, d_m, config.lateral_scale_m) } else { [0.0; 3] };
+    let mean = |sum: f64| sum / counts.0 as f64;
+    let vector = [
+        mean(heading),
+        mean(course.collision(d_m, risk)),
+        mean(yaw_rate),
+        TRAVEL_STEP_S * duration_s,
+        mean(jerk),
+        motion.lateral.max_accel_mps2(),
+        mean(headway),
+        mean(closing),
+        mean(imposed),
+    ];
+    let factors = config.unit_factors();
+    std::array::from_fn(|index| vector[index] * factors[index])
 }
 
 #[cfg(test)]
 mod tests {
+    use lanecraft_net::random::Stream;
+
     use super::*;
     use crate::plan::quintic::{LateralState, Quintic};
     use crate::predict::NOMINAL;
@@ -374,16 +260,64 @@ mod tests {
         assert!((h[1] - expected).abs() < 1e-12);
     }
 
-    #[test]
-    fn the_exponential_is_that_of_libm_down_to_what_is_negligible() {
-        for k in 0..=9000 {
-            let exponent = -0.001 * f64::from(k);
-            let ratio = exp_unless_negligible(exponent) / libm::exp(exponent);
-            assert!((ratio - 1.0).abs() < 1e-11, "{exponent}: {ratio}");
+    /// The definition, sample by sample.
+    fn reference(config: &FeatureConfig, motion: &Motion, cars: &[(f64, f64, f64)]) -> [f64; 5] {
+        let eta = (motion.lateral.duration_s / config.sample_step_s).round();
+        let mut h = [0.0, 0.0, 0.0, TRAVEL_STEP_S * motion.lateral.duration_s, 0.0];
+        for sample in 1..=eta as u32 {
+            let t = f64::from(sample) * config.sample_step_s;
+            // Rounding is not to take the last sample from the path.
+            let within = if t < motion.lateral.duration_s + 1e-9 { t.min(motion.lateral.duration_s) } else { t };
+            let (d, speed, accel, jerk) = motion.lateral.at(within);
+            let (way, v, along_jerk) = motion.course().at(t);
+            h[0] += (speed / v) * (speed / v) / eta;
+            h[2] += (accel / v) * (accel / v) / eta;
+            h[4] += (jerk * jerk + along_jerk * along_jerk) / eta;
+            for &(ahead, car_d, car_speed) in cars {
+                let across = (d - car_d) / config.lateral_scale_m;
+                let along = (ahead + car_speed * t - way) / config.longitudinal_scale_m;
+                let exponent = config.sigma_lateral * across * across + config.sigma_longitudinal * along * along;
+                h[1] += libm::exp(exponent) / eta;
+            }
         }
-        // Beyond the bound the polynomial is far off, and must not show.
-        for exponent in [-9.001, -50.0, -1e4, -1e300, f64::NEG_INFINITY] {
-            assert_eq!(exp_unless_negligible(exponent), 0.0);
+        h
+    }
+
+    #[test]
+    fn shared_sums_are_those_of_the_definition() {
+        let mut stream = Stream::new(8, "features");
+        for case in 0..400 {
+            // One of three steps does not divide the durations, so that a last sample may come after the end.
+            let sample_step_s = [0.1, 0.05, 0.3][case % 3];
+            let config = FeatureConfig { sample_step_s, ..FeatureConfig::default() };
+            let start = LateralState {
+                d_m: stream.range(-0.5, 0.5),
+                speed_mps: stream.range(-0.5, 0.5),
+                accel_mps2: stream.range(-0.5, 0.5),
+            };
+            let duration_s = 0.1 * stream.range(15.0, 80.0).round();
+            let motion = Motion {
+                lateral: Quintic::new(start, 3.75, duration_s),
+                speed_mps: stream.range(8.0, 35.0),
+                speed_change_mps: if case % 2 == 0 { 0.0 } else { stream.range(-3.0, 3.0) },
+            };
+            let mut car =
+                || (stream.range(-40.0, 40.0), 3.75 * stream.range(-0.5, 1.5).round(), stream.range(8.0, 35.0));
+            let cars = [car(), car(), car(), car()];
+            let at = |m: usize, t: f64| {
+                let (ahead, d_m, speed_mps) = cars[m];
+                ForecastPoint { ahead_m: ahead + speed_mps * t, d_m, speed_mps }
+            };
+            let others = Surroundings { half_lengths_m: &[4.8; 4], at };
+            let (found, expected) = (features(&config, &ALL, &motion, &others), reference(&config, &motion, &cars));
+            for index in [0, 2, 3, 4] {
+                // The moments cancel by up to 1500.
+                let error = found[index] / expected[index] - 1.0;
+                assert!(error.abs() < 1e-10, "{index}: {} is not {}", found[index], expected[index]);
+            }
+            // What is left out: a factor below e⁻⁹ of each car.
+            let left_out = expected[1] - found[1];
+            assert!((-1e-10..4.0 * libm::exp(-9.0)).contains(&left_out), "{} is not {}", found[1], expected[1]);
         }
     }
 

@@ -11,6 +11,7 @@ mod motion;
 mod planner;
 mod quintic;
 mod reward;
+mod samples;
 mod window;
 
 pub use candidates::{LateralBound, PlannerConfig};

@@ -54,15 +54,22 @@ impl Quintic {
     #[inline]
     pub fn at(&self, time_s: f64) -> (f64, f64, f64, f64) {
         let t = time_s.clamp(0.0, self.duration_s);
-        let [c0, c1, c2, c3, c4, c5] = self.coefficients;
-        let d = c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))));
+        let d = self.position_within_m(t);
         if t != time_s {
             return (d, 0.0, 0.0, 0.0);
         }
+        let [_, c1, c2, c3, c4, c5] = self.coefficients;
         let speed = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * (4.0 * c4 + t * 5.0 * c5)));
         let accel = 2.0 * c2 + t * (6.0 * c3 + t * (12.0 * c4 + t * 20.0 * c5));
         let jerk = 6.0 * c3 + t * (24.0 * c4 + t * 60.0 * c5);
         (d, speed, accel, jerk)
+    }
+
+    /// Position at a time within the duration, m.
+    #[inline]
+    pub(super) fn position_within_m(&self, time_s: f64) -> f64 {
+        let ([c0, c1, c2, c3, c4, c5], t) = (self.coefficients, time_s);
+        c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))
     }
 
     /// Largest |d̈| on the whole duration, m/s², from the roots of the jerk.

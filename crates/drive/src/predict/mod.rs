@@ -57,13 +57,14 @@ impl Forecast {
     pub fn at(&self, index: usize, time_s: f64) -> ForecastPoint {
         let track = self.track(index);
         let position = (time_s / FORECAST_STEP_S).max(0.0);
-        let before = position.floor();
-        if before >= FORECAST_STEPS as f64 {
+        if position >= FORECAST_STEPS as f64 {
             let last = track[FORECAST_STEPS];
             let beyond_s = time_s - FORECAST_STEPS as f64 * FORECAST_STEP_S;
             return ForecastPoint { ahead_m: last.ahead_m + beyond_s * last.speed_mps, ..last };
         }
-        let (a, b, share) = (track[before as usize], track[before as usize + 1], position - before);
+        let before = position as u32;
+        let (a, b) = (track[before as usize], track[before as usize + 1]);
+        let share = position - f64::from(before);
         ForecastPoint {
             ahead_m: a.ahead_m + share * (b.ahead_m - a.ahead_m),
             d_m: a.d_m + share * (b.d_m - a.d_m),
