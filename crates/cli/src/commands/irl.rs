@@ -35,7 +35,7 @@ const PLANNERS_EXAMPLES: &str = "\
 Examples:
   lanecraft irl planners --data path/to/recordings
 
-Writes the table as CSV and as a page.";
+Writes the tables as CSV and as a page.";
 
 const EXPORT_EXAMPLES: &str = "\
 Examples:

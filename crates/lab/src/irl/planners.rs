@@ -10,7 +10,7 @@
 use std::sync::Arc;
 
 use lanecraft_drive::config::ConfigError;
-use lanecraft_drive::plan::{Motion, Planner, PlannerConfig, Quintic};
+use lanecraft_drive::plan::{Motion, Planner, PlannerConfig, Quintic, Refusal};
 use lanecraft_drive::predict::{Forecast, Predictor};
 use lanecraft_drive::road::{LaneIndex, Road, RoadConfig, Side, Topology};
 use lanecraft_drive::scene::{Neighbor, Scene, VehicleId};
@@ -60,6 +60,16 @@ const FRENET_GAP_M: (f64, f64) = (2.0, 2.0);
 const NAMES: [&str; 5] =
     ["ours, preset's weights", "ours, learned", "ours, learned, all features, three ends", "Frenet", "least jerk"];
 
+/// Why a planner has no path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+enum Cause {
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+    /// Of a planner that looks at its paths one by one.
+    #[error("every path within the bounds comes too near to a vehicle")]
+    NoFreePath,
+}
+
 /// A driver's moment.
 struct Moment {
     scene: Scene,
@@ -84,7 +94,7 @@ pub fn planners(
     };
     let paper = Choices::new(demonstrations, candidates);
     let wide = Choices::new(demonstrations, &candidates.clone().wide());
-    let mut found: Vec<(&Choice, [Option<Motion>; 5])> = Vec::new();
+    let mut found = Vec::new();
     for group in paper.groups() {
         let configs = [
             planner_config.clone(),
@@ -172,11 +182,11 @@ impl Moment {
         Ok(Self { scene, forecast, side })
     }
 
-    fn ask(&self, planner: &Planner) -> Option<Motion> {
-        let window = planner.window(&self.scene, &self.forecast, self.side).ok()?;
+    fn ask(&self, planner: &Planner) -> Result<Motion, Cause> {
+        let window = planner.window(&self.scene, &self.forecast, self.side)?;
         let path = planner.choose(&self.scene, &self.forecast, &window);
         let speed_mps = self.scene.ego.road_speed_mps();
-        Some(Motion { lateral: path.quintic, speed_mps, speed_change_mps: path.speed_change_mps })
+        Ok(Motion { lateral: path.quintic, speed_mps, speed_change_mps: path.speed_change_mps })
     }
 
     /// Whether `motion` touches nobody of the forecast.
@@ -205,13 +215,16 @@ fn sampled(moment: &Moment, config: &CandidateConfig) -> Vec<Motion> {
 }
 
 /// The free motion of least cost within 4 m/s² across and 3 m/s² along the road; the first of equals.
-fn cheapest(moment: &Moment, motions: &[Motion], cost: fn(&Moment, &Motion) -> f64) -> Option<Motion> {
+fn cheapest(moment: &Moment, motions: &[Motion], cost: fn(&Moment, &Motion) -> f64) -> Result<Motion, Cause> {
     let comfortable =
         |motion: &&Motion| motion.lateral.max_accel_mps2() <= 4.0 && motion.course().max_accel_mps2() <= 3.0;
-    let free = motions.iter().filter(comfortable).filter(|motion| moment.is_free(motion));
+    let mut comfortable = motions.iter().filter(comfortable).peekable();
+    let cause = if comfortable.peek().is_some() { Cause::NoFreePath } else { Refusal::LateralLimit.into() };
+    let free = comfortable.filter(|motion| moment.is_free(motion));
     free.map(|motion| (cost(moment, motion), motion))
         .reduce(|best, other| if other.0 < best.0 { other } else { best })
         .map(|(_, motion)| *motion)
+        .ok_or(cause)
 }
 
 fn frenet_cost(moment: &Moment, motion: &Motion) -> f64 {
@@ -292,8 +305,11 @@ impl Figures {
     }
 }
 
-fn report(found: &[(&Choice, [Option<Motion>; 5])]) -> Result<StudyReport, PlannersError> {
-    let common: Vec<_> = found.iter().filter(|(_, motions)| motions.iter().all(Option::is_some)).collect();
+/// What each planner did at each moment, by the order of [`NAMES`].
+type Found<'a> = [(&'a Choice, [Result<Motion, Cause>; NAMES.len()])];
+
+fn report(found: &Found) -> Result<StudyReport, PlannersError> {
+    let common: Vec<_> = found.iter().filter(|(_, motions)| motions.iter().all(Result::is_ok)).collect();
     let caption =
         format!("On the {} of {} lane changes that all planners accept; refusals on all", common.len(), found.len());
     let head = [
@@ -309,8 +325,8 @@ fn report(found: &[(&Choice, [Option<Motion>; 5])]) -> Result<StudyReport, Plann
     let mut table = Table::new("planners", &caption, &head);
     for (index, name) in NAMES.iter().enumerate() {
         let chosen: Vec<(&Choice, Motion)> =
-            common.iter().filter_map(|(choice, motions)| motions[index].map(|motion| (*choice, motion))).collect();
-        let refused = found.iter().filter(|(_, motions)| motions[index].is_none()).count();
+            common.iter().filter_map(|(choice, motions)| Some((*choice, motions[index].ok()?))).collect();
+        let refused = found.iter().filter(|(_, motions)| motions[index].is_err()).count();
         table.rows.push(Figures::new(&chosen).row(name, refused.to_string())?);
     }
     let drivers: Vec<(&Choice, Motion)> = common.iter().map(|(choice, _)| (*choice, choice.driver)).collect();
@@ -323,9 +339,23 @@ fn report(found: &[(&Choice, [Option<Motion>; 5])]) -> Result<StudyReport, Plann
         name: "planners",
         title: "Planners beside people".into(),
         summary,
-        tables: vec![table],
+        tables: vec![table, refusals(found)],
         figures: Vec::new(),
     })
+}
+
+/// How often each planner refused for each cause; causes of no refusal are left out.
+fn refusals(found: &Found) -> Table {
+    let head: Vec<&str> = ["cause"].into_iter().chain(NAMES).collect();
+    let mut table = Table::new("refusals", &format!("Refusals by cause, of {} lane changes", found.len()), &head);
+    for cause in Refusal::ALL.map(Cause::Refused).into_iter().chain([Cause::NoFreePath]) {
+        let count = |index: usize| found.iter().filter(|(_, motions)| motions[index] == Err(cause)).count();
+        let counts: [usize; NAMES.len()] = std::array::from_fn(count);
+        if counts.iter().any(|&count| count > 0) {
+            table.rows.push([cause.to_string()].into_iter().chain(counts.map(|count| count.to_string())).collect());
+        }
+    }
+    table
 }
 
 #[cfg(test)]
@@ -354,7 +384,7 @@ mod tests {
         let drivers = synthetic(&SyntheticConfig::default(), &candidates, 3, 16);
         let preset = PlannerConfig { duration_step_s: 0.5, ..PlannerConfig::default() };
         let report = planners(&drivers, &candidates, &IrlConfig::default(), &preset).unwrap();
-        let [table] = &report.tables[..] else { panic!("one table") };
+        let [table, refusals] = &report.tables[..] else { panic!("two tables") };
         assert_eq!(table.rows.len(), NAMES.len() + 1);
         let number = |row: usize, column: usize| {
             table.rows[row][column].split(' ').next().and_then(|text| text.parse::<f64>().ok()).unwrap()
@@ -364,5 +394,10 @@ mod tests {
         assert!((0..4).all(|row| number(row, 3) < number(4, 3) + 1e-9), "{}", table.text());
         assert!((0..4).all(|row| number(row, 6) > number(4, 6) - 1e-9), "{}", table.text());
         assert_eq!(number(5, 1), 0.0_f64.max(number(5, 1)).min(0.5));
+        // Every refusal has its cause.
+        for (index, row) in table.rows[..NAMES.len()].iter().enumerate() {
+            let causes = refusals.rows.iter().map(|row| row[index + 1].parse::<usize>().unwrap()).sum::<usize>();
+            assert_eq!(row[7], causes.to_string(), "{}", refusals.text());
+        }
     }
 }
