@@ -3,8 +3,9 @@
 //! Observations are vectors of numbers, actions are indices with a mask of those allowed; what they stand for is the
 //! caller's. All randomness is keyed by seed, purpose and index, so that any decision or update can be repeated alone.
 //!
-//! - [`Learner`] trains a Q-network by one of the [`Algorithm`]s; each has a file of its own that differs from the others
-//!   in targets, masks and ∂L/∂q only.
+//! - [`Learner`] trains a Q-network by one of the [`Algorithm`]s; each has a file of its own, and they differ in targets, in masks and
+//!   in what the network's outputs mean ([`Readout`]) only.
+//! - [`OptionAccumulator`] makes transitions of ticks, [`NStepQueue`] returns over several of them.
 //! - [`Policy`] is a snapshot of the network, [`Actor`] takes decisions with it.
 //! - [`irl`] fits the weights of a linear cost to choices among candidates.
 //!

@@ -1,7 +1,7 @@
 //! Randomized prior functions (Osband, Aslanides and Cassirer, 2018): `Q_k = f_k + β p_k` for each head k of a bootstrapped network, where
 //! `p_k` is a network drawn once and never trained and β is `prior_scale`.
 //!
-//! Where there are data, `f_k` learns to cancel what the prior adds; where there are none, the heads stay as different as their
+//! Where there are data, `f_k` learns what the prior leaves wrong; where there are none, the heads stay as different as their
 //! priors, so that they disagree about what they have not seen. The prior is part of Q everywhere: acting, targets, vote.
 //!
 //! `p_k` shares nothing with other heads: it has the layers of the trained network, core and head, for itself. The same
