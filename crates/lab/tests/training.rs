@@ -5,8 +5,8 @@ use lanecraft_lab::train::Trainer;
 use lanecraft_learn::{Algorithm, LearnerConfig};
 
 /// A training of a second or less.
-fn small(learner: LearnerConfig) -> RunConfig {
-    let learner = LearnerConfig { core: vec![8], head: vec![8], batch: 8, learning_starts: 30, ..learner };
+fn small(learner: &LearnerConfig) -> RunConfig {
+    let learner = LearnerConfig { core: vec![8], head: vec![8], batch: 8, learning_starts: 30, ..learner.clone() };
     let mut config = RunConfig { learner, ..RunConfig::default() };
     config.training.environments = 3;
     config.training.decisions = 100;
@@ -29,7 +29,7 @@ fn a_training_taken_up_again_has_the_bits_of_one_that_was_not_stopped() {
         LearnerConfig { algorithm: Algorithm::DuelingDqn, ..default() },
         LearnerConfig { algorithm: Algorithm::QuantileDqn, n_step: 5, ..default() },
     ];
-    for config in learners.map(small) {
+    for config in learners.map(|learner| small(&learner)) {
         let mut whole = Trainer::new(&config).expect("valid");
         // In the middle of episodes, with options and returns under way.
         drive(&mut whole, 61);
@@ -47,7 +47,7 @@ fn returns_over_several_decisions_lose_no_decision() {
     // Every decision of a finished episode becomes a transition, however many of them a return sums; but for an option that the time
     // limit cuts off.
     let stored = |n_step| {
-        let config = small(LearnerConfig { n_step, ..LearnerConfig::default() });
+        let config = small(&LearnerConfig { n_step, ..LearnerConfig::default() });
         let mut trainer = Trainer::new(&config).expect("valid");
         drive(&mut trainer, 29);
         trainer.checkpoint().expect("can be stored").0.learner.replay_pushed
