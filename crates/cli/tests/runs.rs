@@ -228,3 +228,39 @@ fn rows_alone_make_the_tables_and_missing_ones_are_named() {
         assert!(message.contains(said), "{line}: {message}");
     }
 }
+
+#[test]
+fn runs_are_pooled_by_their_seeds_and_unfinished_ones_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let short = format!("{SHORT} --set evaluation.episodes=3 --set evaluation.episode_s=5");
+    for (algorithm, seed) in [("dqn", 0), ("dqn", 1), ("double-dqn", 0), ("double-dqn", 1)] {
+        done(path, &format!("train --out runs/{algorithm}/{seed} --algorithm {algorithm} --seed {seed} {short}"));
+    }
+    done(path, &format!("train --out runs/thin --set traffic.density_veh_per_km_lane=8 {short}"));
+    fs::create_dir_all(path.join("runs/broken")).unwrap();
+    for file in ["config.toml", "manifest.json"] {
+        fs::copy(path.join("runs/thin").join(file), path.join("runs/broken").join(file)).unwrap();
+    }
+    let runs = "runs/dqn/0 runs/dqn/1 runs/double-dqn/0 runs/double-dqn/1 runs/thin runs/broken";
+    let output = run(path, &format!("report {runs}"));
+    assert!(output.status.success());
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("runs/broken is left out") && said.contains("policy.safetensors"), "{said}");
+    let page = fs::read_to_string(path.join("runs/dqn/0/report.html")).unwrap();
+    for text in [
+        "1 of 6 runs failed or are incomplete",
+        "2 different sets of test scenarios",
+        "double-dqn has 2 training seeds",
+        "<small>2 seeds, 6 episodes</small>",
+        "same seeds, paired",
+        "Results in the scenarios of thin",
+        "runs/double-dqn/1",
+    ] {
+        assert!(page.contains(text), "{text}");
+    }
+    // Alone, what is not finished has no page.
+    let output = run(path, "report runs/broken");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("policy.safetensors"));
+}

@@ -81,7 +81,7 @@ pub fn environments(
 }
 
 /// Whether the same seeds give the same scenarios in both: a scenario file stands for road and traffic.
-fn same_scenarios(a: &Config, b: &Config) -> bool {
+pub(crate) fn same_scenarios(a: &Config, b: &Config) -> bool {
     a.env.scenario == b.env.scenario && (!a.env.scenario.is_empty() || (&a.road, &a.traffic) == (&b.road, &b.traffic))
 }
 

@@ -36,5 +36,5 @@ pub fn quickstart(
     let begun = Instant::now();
     let updates_s = runs::train(run, config, progress).map_err(JudgeError::from)?;
     judge(run, config, Some((begun.elapsed().as_secs_f64(), updates_s)), progress)?;
-    report(&[run.path().to_owned()], progress)
+    Ok(report(&[run.path().to_owned()], progress)?.path)
 }

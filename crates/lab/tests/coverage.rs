@@ -1,7 +1,8 @@
 //! How often the intervals of `lab::stats` hold what they estimate.
 //!
-//! 400 samples each; with `LANECRAFT_LONG` set 3000, the numbers of `docs/statistics.md`, printed with `--nocapture`. A tolerance allows
-//! for the chance of the samples alone: 3.3 binomial standard errors beyond the range that is asked for.
+//! [`QUICK`] samples each, [`RESAMPLED`] where each is resampled; with `LANECRAFT_LONG` set [`LONG`], the numbers of `docs/statistics.md`,
+//! printed with `--nocapture`. A tolerance allows for the chance of few samples alone: 3.3 binomial standard errors beyond the range that
+//! is asked for, which a right interval leaves once in a thousand times.
 
 use lanecraft_lab::metrics::Interval;
 use lanecraft_lab::stats::{
@@ -34,27 +35,41 @@ fn laws(count: usize) -> [Law; 2] {
     [NORMAL, Law { name: "exponential", draw: exponential, mean: 1.0, interquartile_mean }]
 }
 
-fn trials() -> u64 {
-    if std::env::var_os("LANECRAFT_LONG").is_some() { 3000 } else { 400 }
+const LONG: u64 = 3000;
+const QUICK: u64 = 400;
+const RESAMPLED: u64 = 100;
+
+fn is_long() -> bool {
+    std::env::var_os("LANECRAFT_LONG").is_some()
 }
 
-/// Share of samples whose interval holds `truth`.
-fn coverage(purpose: &str, truth: f64, interval: impl Fn(&mut Stream) -> Interval) -> f64 {
+/// The share of samples that held the truth, of how many.
+#[derive(Clone, Copy)]
+struct Coverage {
+    share: f64,
+    trials: u64,
+}
+
+fn coverage(purpose: &str, truth: f64, interval: impl Fn(&mut Stream) -> Interval) -> Coverage {
+    coverage_of(QUICK, purpose, truth, interval)
+}
+
+fn coverage_of(quick: u64, purpose: &str, truth: f64, interval: impl Fn(&mut Stream) -> Interval) -> Coverage {
+    let trials = if is_long() { LONG } else { quick };
     let holds = |trial: &u64| {
         let found = interval(&mut Stream::keyed(1, purpose, *trial, 0));
         // Ends may round.
         found.low <= truth + 1e-12 && truth <= found.high + 1e-12
     };
-    let share = (0..trials()).filter(holds).count() as f64 / trials() as f64;
+    let share = (0..trials).filter(holds).count() as f64 / trials as f64;
     println!("| {purpose} | {:.1} % |", 100.0 * share);
-    share
+    Coverage { share, trials }
 }
 
-fn assert_within(covered: f64, low: f64, high: f64) {
-    let slack = |p: f64| 3.3 * (p * (1.0 - p) / trials() as f64).sqrt();
+fn assert_within(Coverage { share, trials }: Coverage, low: f64, high: f64) {
     // At its full length the claim is held as it stands.
-    let slack = |p: f64| if trials() < 3000 { slack(p) } else { 0.0 };
-    assert!((low - slack(low)..=high + slack(high)).contains(&covered), "{covered} is not within {low} to {high}");
+    let slack = |p: f64| if trials < LONG { 3.3 * (p * (1.0 - p) / trials as f64).sqrt() } else { 0.0 };
+    assert!((low - slack(low)..=high + slack(high)).contains(&share), "{share} is not within {low} to {high}");
 }
 
 /// Scores in which a seed has an effect of its own on all its tasks, of this share of the variance, and tasks differ by 1.
@@ -119,12 +134,12 @@ fn profiles() {
     for (threshold, truth) in [(0.0, 0.5), (1.0, 0.158_655)] {
         // Twenty scores a seed, half of their variance its own; the share above the threshold is that of a standard normal.
         let covered = coverage(&format!("profile at {truth:.2}, 10 seeds of 20 scores"), truth, |s| {
-            let rows = scores(s, Stream::normal, [10, 20], 0.5);
-            let centered = |seed: usize| (0..20).map(|task| rows.row(seed)[task] - task as f64).collect::<Vec<_>>();
+            let drawn = scores(s, Stream::normal, [10, 20], 0.5);
+            let centered = |seed: usize| (0..20).map(|task| drawn.row(seed)[task] - task as f64).collect::<Vec<_>>();
             let table = SeedScores::new("m", (0..10).map(|seed| (seed as u64, centered(seed))).collect()).unwrap();
             table.profile(&[threshold]).unwrap()[0]
         });
-        assert_within(covered, 0.90, 0.97);
+        assert_within(covered, 0.93, 0.97);
     }
 }
 
@@ -133,19 +148,16 @@ fn aggregates_over_tasks() {
     for (aggregate, name) in
         [(Aggregate::Mean, "mean"), (Aggregate::Median, "median"), (Aggregate::InterquartileMean, "interquartile mean")]
     {
-        for tasks in [3, 5] {
-            // Tasks differ by 1 and scores are symmetric, so that all aggregates aim at the middle task's mean.
-            let truth = (tasks - 1) as f64 / 2.0;
-            let of = |shared: f64| {
-                let kind = if shared > 0.0 { "seeds shared by tasks" } else { "independent" };
-                coverage(&format!("{name}, stratified, {tasks} tasks of 10 scores, {kind}"), truth, |s| {
-                    scores(s, |s| 0.3 * s.normal(), [10, tasks], shared).stratified(aggregate).unwrap()
-                })
-            };
-            assert_within(of(0.0), 0.93, 0.97);
-            assert!(of(0.5) < 0.93, "one policy on all tasks is not the case these intervals are for");
-        }
+        // Tasks differ by 1 and scores are symmetric, so that all aggregates aim at the middle task's mean.
+        let covered = coverage_of(RESAMPLED, &format!("{name}, stratified, 3 tasks of 10 scores"), 1.0, |s| {
+            scores(s, |s| 0.3 * s.normal(), [10, 3], 0.0).stratified(aggregate).unwrap()
+        });
+        assert_within(covered, 0.93, 0.97);
     }
+    let shared = coverage_of(RESAMPLED, "mean, stratified, 3 tasks of 10 scores, seeds shared by tasks", 1.0, |s| {
+        scores(s, |s| 0.3 * s.normal(), [10, 3], 0.5).stratified(Aggregate::Mean).unwrap()
+    });
+    assert!(shared.share < 0.9, "one policy on all tasks is not the case that these intervals are for");
 }
 
 #[test]

@@ -5,18 +5,20 @@
 
 pub(crate) mod html;
 mod irl;
+mod methods;
 mod player;
 mod plots;
 pub(crate) mod svg;
 mod table;
 
 pub use irl::{IrlFeature, IrlSummary};
+pub use methods::{Difference, MethodResult};
 
 use std::fmt::Write as _;
 
 use lanecraft_drive::env::Trace;
 
-use crate::metrics::{CurvePoint, PolicyResult};
+use crate::metrics::{CurvePoint, Interval, PolicyResult};
 use html::{escape, fill, number, range, section};
 
 /// What a report shows. An empty list or `None` leaves its section out.
@@ -26,8 +28,8 @@ pub struct ReportData {
     pub title: String,
     /// The reading, a few sentences in plain text; if empty, one is written from the results.
     pub summary: Vec<String>,
-    /// Results, one for each policy.
-    pub results: Vec<PolicyResult>,
+    /// Results by the scenarios they were made in.
+    pub sets: Vec<ScenarioSet>,
     /// Learning curves with their names.
     pub curves: Vec<(String, Vec<CurvePoint>)>,
     /// The learned human reward.
@@ -44,6 +46,21 @@ pub struct ReportData {
     pub statements: Vec<String>,
 }
 
+/// Results in the same test scenarios.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ScenarioSet {
+    /// What to call it beside other sets; empty if it is the only one.
+    pub name: String,
+    /// Results, one for each policy; their intervals are over episodes.
+    pub results: Vec<PolicyResult>,
+    /// Results of methods over their training seeds, if runs were pooled.
+    pub methods: Vec<MethodResult>,
+    /// Methods minus other methods and rules.
+    pub differences: Vec<Difference>,
+    /// Probability that a seed of the row's method earns more than one of the column's, in the order of the methods.
+    pub improvement: Vec<Vec<Interval>>,
+}
+
 /// The report as one HTML file.
 pub fn render(data: &ReportData) -> String {
     let shown = data.trace.as_ref().and_then(|trace| Some((trace, player::player(trace)?)));
@@ -56,7 +73,7 @@ pub fn render(data: &ReportData) -> String {
         body += &section("Watch an episode", &note, &(markup + &plots::profiles(trace)));
         scripts = player_scripts;
     }
-    body += &results(data);
+    body += &data.sets.iter().map(results).collect::<String>();
     if !data.curves.is_empty() {
         let note = "Each point averages the episodes that ended since the last one, explorations included.";
         body += &section("Learning", note, &plots::learning_curves(&data.curves));
@@ -76,19 +93,26 @@ pub fn render(data: &ReportData) -> String {
 
 /// Headline, reading, key figures and statements.
 fn header(data: &ReportData) -> String {
-    let leader = leader(&data.results);
+    let results = data.sets.first().map_or(&[][..], |set| &set.results);
+    let leader = leader(results);
     let reading = match leader {
         _ if !data.summary.is_empty() => data.summary.join(" "),
-        Some(leader) => reading(&data.results, leader),
+        Some(leader) => reading(results, leader),
         None => String::new(),
     };
     let mut html = format!("<header>\n<h1>{}</h1>\n", escape(&data.title));
     if !reading.is_empty() {
         let _ = writeln!(html, "<p class=\"lead\">{}</p>", escape(&reading));
     }
-    if let Some(leader) = leader {
-        html += &tiles(&data.results[leader]);
-    }
+    let method = data.sets.first().and_then(|set| set.methods.first());
+    html += &match (method, leader) {
+        (Some(method), _) => tiles(&format!("{}, over its training seeds", method.name), method.outcome()),
+        (None, Some(leader)) => {
+            let result = &results[leader];
+            tiles(&format!("{}, by highest mean reward", result.policy), methods::outcome(result))
+        }
+        (None, None) => String::new(),
+    };
     if !data.statements.is_empty() {
         html += "<aside class=\"statements\"><h2>Read with this in mind</h2><ul>\n";
         for statement in &data.statements {
@@ -128,18 +152,16 @@ fn reading(results: &[PolicyResult], leader: usize) -> String {
     text
 }
 
-/// Key figures of one policy, speed and collisions side by side.
-fn tiles(result: &PolicyResult) -> String {
+/// Key figures of one policy or method, speed and collisions side by side.
+fn tiles(of: &str, [speed_mps, collisions, at_fault, reward]: [Interval; 4]) -> String {
     let figures = [
-        ("Speed", "km/h", 3.6, 1, result.speed_mps),
-        ("Collisions", "% of episodes", 100.0, 2, result.collisions_per_episode),
-        ("Reward", "per tick", 1.0, 2, result.reward_per_tick),
-        ("Lane changes", "per min", 1.0, 2, result.lane_changes_per_min),
+        ("Speed", "km/h", 3.6, 1, speed_mps),
+        ("Collisions", "% of episodes", 100.0, 2, collisions),
+        ("At fault", "% of episodes", 100.0, 2, at_fault),
+        ("Reward", "per tick", 1.0, 2, reward),
     ];
-    let policy = escape(&result.policy);
-    let mut html = format!(
-        "<p class=\"note tiles-name\">Key figures of {policy}, by highest mean reward</p>\n<dl class=\"tiles\">\n"
-    );
+    let of = escape(of);
+    let mut html = format!("<p class=\"note tiles-name\">Key figures of {of}</p>\n<dl class=\"tiles\">\n");
     for (name, unit, scale, decimals, interval) in figures {
         let _ = writeln!(
             html,
@@ -151,17 +173,24 @@ fn tiles(result: &PolicyResult) -> String {
     html + "</dl>\n"
 }
 
-/// Table and scatter plot.
-fn results(data: &ReportData) -> String {
-    if data.results.is_empty() {
+/// What methods and policies reached in one set of scenarios.
+fn results(set: &ScenarioSet) -> String {
+    if set.results.is_empty() {
         return String::new();
     }
+    let heading = |name: &str| {
+        if set.name.is_empty() { name.to_owned() } else { format!("{name} in the scenarios of {}", escape(&set.name)) }
+    };
     let note = "Means with 95 % intervals below. A star marks a policy whose interval lies apart from all others on the better \
                 side (arrow); without one, the intervals do not settle who is best. Differences on the same scenarios can be \
                 clearer than overlapping intervals suggest.";
-    let content =
-        table::results_table(&data.results) + &table::guard_table(&data.results) + &plots::scatter(&data.results);
-    section("Results", note, &content)
+    let tables = table::results_table(&set.results) + &table::guard_table(&set.results);
+    if set.methods.is_empty() {
+        return section(&heading("Results"), note, &(tables + &plots::scatter(&set.results)));
+    }
+    let alone =
+        format!("<details><summary>Each run and rule alone</summary><p class=\"note\">{note}</p>{tables}</details>\n");
+    section(&heading("Methods over training seeds"), methods::NOTE, &(methods::methods(set) + &alone))
 }
 
 /// Configuration and seeds, folded.

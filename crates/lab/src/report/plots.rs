@@ -15,12 +15,12 @@ use crate::metrics::{CurvePoint, Interval, PolicyResult};
 const MAX_POINTS: usize = 400;
 
 /// A card of the page's grid.
-fn card(heading: &str, content: &str) -> String {
+pub(super) fn card(heading: &str, content: &str) -> String {
     format!("<figure class=\"card\" style=\"margin:0\"><h3>{heading}</h3>\n{content}</figure>\n")
 }
 
 /// A legend: each series' mark, line and name.
-fn legend(names: &[&str], class: &str, with_line: bool) -> String {
+pub(super) fn legend(names: &[&str], class: &str, with_line: bool) -> String {
     let mut html = format!("<ul class=\"series {class}\">\n");
     for (series, name) in names.iter().enumerate() {
         let line = if with_line {
@@ -39,14 +39,30 @@ fn legend(names: &[&str], class: &str, with_line: bool) -> String {
     html + "</ul>\n"
 }
 
+/// What a policy or a method reached: never its reward alone.
+pub(super) struct Outcome<'a> {
+    pub(super) name: &'a str,
+    /// Share of episodes that ended in a collision.
+    pub(super) collisions: Interval,
+    /// Reward of a tick.
+    pub(super) reward: Interval,
+}
+
+impl<'a> From<&'a PolicyResult> for Outcome<'a> {
+    fn from(result: &'a PolicyResult) -> Self {
+        Self { name: &result.policy, collisions: result.collisions_per_episode, reward: result.reward_per_tick }
+    }
+}
+
 /// Reward against collisions, every policy with its intervals; beside it the better half at a larger scale.
 pub(super) fn scatter(results: &[PolicyResult]) -> String {
-    let names: Vec<&str> = results.iter().map(|r| r.policy.as_str()).collect();
+    let outcomes: Vec<Outcome> = results.iter().map(Outcome::from).collect();
+    let names: Vec<&str> = outcomes.iter().map(|outcome| outcome.name).collect();
     let all: Vec<usize> = (0..results.len()).collect();
-    let mut cards = card("All policies", &reward_against_collisions(results, &all));
+    let mut cards = card("All policies", &reward_against_collisions(&outcomes, &all));
     let better = better_half(results);
     if better.len() < all.len() {
-        cards += &card("The better half by reward", &reward_against_collisions(results, &better));
+        cards += &card("The better half by reward", &reward_against_collisions(&outcomes, &better));
     }
     format!("<div class=\"card\">{}</div>\n<div class=\"grid\">\n{cards}</div>\n", legend(&names, "", false))
 }
@@ -64,19 +80,19 @@ fn better_half(results: &[PolicyResult]) -> Vec<usize> {
     order
 }
 
-fn reward_against_collisions(results: &[PolicyResult], shown: &[usize]) -> String {
+/// The outcomes at the places `shown`, each with its intervals in both directions.
+pub(super) fn reward_against_collisions(outcomes: &[Outcome], shown: &[usize]) -> String {
     let percent = |i: Interval| Interval { mean: 100.0 * i.mean, low: 100.0 * i.low, high: 100.0 * i.high };
     let ends = |i: Interval| [i.mean, i.low, i.high];
-    let collisions = || shown.iter().flat_map(|i| ends(percent(results[*i].collisions_per_episode)));
-    let rewards = shown.iter().flat_map(|i| ends(results[*i].reward_per_tick));
+    let collisions = || shown.iter().flat_map(|i| ends(percent(outcomes[*i].collisions)));
+    let rewards = shown.iter().flat_map(|i| ends(outcomes[*i].reward));
     let x = Axis::over("collisions, % of episodes", collisions().chain([0.0]));
     let mut plot = Plot::new(x, Axis::over("reward per tick", rewards));
     let mut alternative = String::from("Reward per tick against collisions in percent of episodes.");
     for series in shown {
-        let r = &results[*series];
-        plot.point_with_intervals(percent(r.collisions_per_episode), r.reward_per_tick, *series);
-        let (reward, collisions) = (r.reward_per_tick.mean, 100.0 * r.collisions_per_episode.mean);
-        let _ = write!(alternative, " {}: {}, {} %.", r.policy, number(reward, 2), number(collisions, 2));
+        let Outcome { name, collisions, reward } = &outcomes[*series];
+        plot.point_with_intervals(percent(*collisions), *reward, *series);
+        let _ = write!(alternative, " {name}: {}, {} %.", number(reward.mean, 2), number(100.0 * collisions.mean, 2));
     }
     plot.finish(&alternative)
 }

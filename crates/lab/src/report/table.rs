@@ -106,18 +106,27 @@ pub(super) fn guard_table(results: &[PolicyResult]) -> String {
     if causes.is_empty() {
         return String::new();
     }
-    let mut html = String::from(
-        "<div class=\"card results scroll\" tabindex=\"0\" role=\"region\" aria-label=\"What the guard acted for\"><table>\n\
-         <thead><tr><th class=\"policy\" scope=\"col\">What the guard acted for</th>",
+    let head: Vec<(&str, &str)> = causes.iter().map(|cause| (cause.name(), "per min")).collect();
+    let row = |result: &PolicyResult| {
+        (escape(&result.policy), causes.iter().map(|cause| number(mean(result, *cause), 2)).collect())
+    };
+    table("What the guard acted for", &head, &results.iter().map(row).collect::<Vec<_>>())
+}
+
+/// A table whose rows have a name (HTML) and cells (HTML) under these heads with their units (text), in a card that scrolls sideways.
+pub(super) fn table(name: &str, head: &[(&str, &str)], rows: &[(String, Vec<String>)]) -> String {
+    let mut html = format!(
+        "<div class=\"card results scroll\" tabindex=\"0\" role=\"region\" aria-label=\"{name}\"><table>\n\
+         <thead><tr><th class=\"policy\" scope=\"col\">{name}</th>"
     );
-    for cause in &causes {
-        let _ = write!(html, "<th scope=\"col\">{}<small>per min</small></th>", cause.name());
+    for (column, unit) in head {
+        let _ = write!(html, "<th scope=\"col\">{}<small>{unit}</small></th>", escape(column));
     }
     html += "</tr></thead>\n<tbody>\n";
-    for result in results {
-        let _ = write!(html, "<tr><th class=\"policy\" scope=\"row\">{}</th>", escape(&result.policy));
-        for cause in &causes {
-            let _ = write!(html, "<td>{}</td>", number(mean(result, *cause), 2));
+    for (row, cells) in rows {
+        let _ = write!(html, "<tr><th class=\"policy\" scope=\"row\">{row}</th>");
+        for cell in cells {
+            let _ = write!(html, "<td>{cell}</td>");
         }
         html += "</tr>\n";
     }

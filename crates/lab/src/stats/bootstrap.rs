@@ -40,10 +40,11 @@ pub fn bootstrap_interval(values: &[f64]) -> Result<Interval, StatsError> {
     Ok(Interval { mean, low: end(TAIL), high: end(1.0 - TAIL) })
 }
 
-/// The expanded percentile interval (Hesterberg, 2015) of a statistic over `strata` groups of `count` units each.
+/// The expanded percentile interval (Hesterberg, 2015) of a statistic whose variance is known from `strata` groups of
+/// `count` units each.
 ///
 /// `statistic` is given the unit that is drawn for each place. A percentile interval of n units is too narrow by √((n - 1)/n), the
-/// bootstrap's bias, and by t over z. Its tail is therefore Φ(-√(n/(n - 1)) t) with the degrees of freedom of all strata together.
+/// bootstrap's bias, and by t over z. Its tail is therefore Φ(-√(n/(n - 1)) t) with the degrees of freedom of these strata together.
 pub(super) fn expanded_percentile(
     estimate: f64,
     [strata, count]: [usize; 2],

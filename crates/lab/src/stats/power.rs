@@ -22,13 +22,12 @@ pub fn seeds_per_method(sd_over_difference: f64) -> Result<usize, StatsError> {
         let freedom = 2.0 * n - 2.0;
         noncentral_student_exceeds(student_quantile(freedom), freedom, (n / 2.0).sqrt() / sd_over_difference) >= POWER
     };
-    // The normal approximation falls short by a few at most, so the search starts below it and is short.
+    // The normal approximation falls short by a few at most, so the search from there on is short.
     let z = normal_quantile(1.0 - TAIL) + normal_quantile(POWER);
     let start = 2.0 * (z * sd_over_difference) * (z * sd_over_difference);
-    if start > MAX_COUNT as f64 {
-        return Err(StatsError::Effect { value: sd_over_difference });
-    }
-    Ok(((start as usize).max(2)..).find(|count| finds(*count)).expect("the power rises to 1"))
+    ((start as usize).max(2)..=MAX_COUNT)
+        .find(|count| finds(*count))
+        .ok_or(StatsError::Effect { value: sd_over_difference })
 }
 
 /// Episodes for each of two policies that find the difference of these two rates with 80 % power by the two-sided test of two proportions

@@ -175,21 +175,14 @@ impl SeedScores {
         self.rows.iter().map(share).collect()
     }
 
-    /// The performance profile (Agarwal et al., 2021): for each threshold the share of all scores above it, with the pointwise expanded
-    /// percentile interval (Hesterberg, 2015) over resampled seeds, which keep all their scores. For 5 seeds or more.
+    /// The performance profile (Agarwal et al., 2021): for each threshold the share of all scores above it, with a pointwise interval.
+    /// That is Student's t over the shares of the seeds, taken on the logit (delta method), which covers better than resampled seeds and
+    /// stays within 0 and 1; where all scores or none lie above, it has no width. For 5 seeds or more.
     ///
     /// # Errors
     /// If there is only one seed.
     pub fn profile(&self, thresholds: &[f64]) -> Result<Vec<Interval>, StatsError> {
-        let count = self.seeds.len();
-        require(&[count], 2)?;
-        let at = |threshold: &f64| {
-            let shares = self.shares_above(*threshold);
-            expanded_percentile(mean(&shares), [1, count], |draw| {
-                (0..count).map(|_| shares[draw()]).sum::<f64>() / count as f64
-            })
-        };
-        Ok(thresholds.iter().map(at).collect())
+        thresholds.iter().map(|threshold| Ok(on_the_logit(t_interval(&self.shares_above(*threshold))?))).collect()
     }
 
     /// An aggregate of all scores with the stratified bootstrap's interval (Agarwal et al., 2021), each task's scores resampled by
@@ -206,7 +199,9 @@ impl SeedScores {
             let scores = by_task.iter().map(|of_task| (0..count).map(|_| of_task[draw()]).collect());
             aggregate.of(&scores.collect::<Vec<_>>())
         };
-        Ok(expanded_percentile(aggregate.of(&by_task), [tasks, count], resampled))
+        // The median's spread is that of one or two tasks, so its variance is known as badly as theirs.
+        let known_from = if aggregate == Aggregate::Median { 1 } else { tasks };
+        Ok(expanded_percentile(aggregate.of(&by_task), [known_from, count], resampled))
     }
 
     /// All seeds' scores on one task.
@@ -236,6 +231,17 @@ impl Aggregate {
             Self::InterquartileMean => interquartile_mean(&by_task.concat()),
         }
     }
+}
+
+/// An interval around a share, its half-width carried over to the logit and its ends back.
+fn on_the_logit(share: Interval) -> Interval {
+    let p = share.mean;
+    if p <= 0.0 || p >= 1.0 {
+        return Interval { mean: p, low: p, high: p };
+    }
+    let (logit, half) = (libm::log(p / (1.0 - p)), (share.high - p) / (p * (1.0 - p)));
+    let back = |x: f64| 1.0 / (1.0 + libm::exp(-x));
+    Interval { mean: p, low: back(logit - half), high: back(logit + half) }
 }
 
 #[cfg(test)]

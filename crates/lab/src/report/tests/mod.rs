@@ -4,7 +4,7 @@ mod sample;
 
 use super::*;
 use crate::metrics::Interval;
-use sample::{full, result};
+use sample::{full, pooled, result, set};
 
 const HOSTILE: &str = "</script><script>alert(1)</script><img src=x onerror=\"alert(2)\">'{{body}}<!--";
 
@@ -48,7 +48,7 @@ fn a_full_report_has_its_sections_in_order() {
 
 #[test]
 fn the_page_loads_nothing() {
-    for page in [render(&full()), render(&ReportData::default())] {
+    for page in [render(&full()), render(&pooled()), render(&ReportData::default())] {
         assert!(page.contains("default-src 'none'"));
         for word in ["http:", "https:", "//", "@import", "url(", " src=", "import("] {
             let scripts_and_styles = page.replace("// ", "");
@@ -59,7 +59,7 @@ fn the_page_loads_nothing() {
 
 #[test]
 fn tags_are_balanced() {
-    let page = render(&full());
+    let page = render(&full()) + &render(&pooled());
     for tag in
         ["section", "div", "svg", "table", "tr", "td", "th", "ul", "li", "details", "figure", "script", "p", "span"]
     {
@@ -112,7 +112,7 @@ fn hostile(odd: f64) -> ReportData {
     data.title = HOSTILE.into();
     data.summary = vec![HOSTILE.into()];
     data.statements.push(HOSTILE.into());
-    data.results[0].policy = HOSTILE.into();
+    data.sets[0].results[0].policy = HOSTILE.into();
     data.curves[0].0 = HOSTILE.into();
     data.time_shares[0].0 = HOSTILE.into();
     data.seeds[0] = (HOSTILE.into(), HOSTILE.into());
@@ -132,8 +132,8 @@ fn hostile(odd: f64) -> ReportData {
     trace.ticks[2].frames[2].vehicles[0].ahead_m = odd;
     trace.ticks[16].path.as_mut().unwrap().duration_s = odd;
     trace.ticks[16].candidates[0].reward = odd;
-    data.results[0].reward_per_tick = Interval { mean: odd, low: odd, high: odd };
-    data.results[1].collisions_per_episode.high = odd;
+    data.sets[0].results[0].reward_per_tick = Interval { mean: odd, low: odd, high: odd };
+    data.sets[0].results[1].collisions_per_episode.high = odd;
     data.curves[0].1[3].reward_per_tick = odd;
     data.time_shares[0].1 = odd;
     data
@@ -174,8 +174,45 @@ fn only_a_clear_best_is_marked() {
 #[test]
 fn a_reading_is_written_from_the_results_and_says_what_is_open() {
     let mut data =
-        ReportData { results: vec![result("a", 18.0, 0.1), result("b", 18.1, 0.1)], ..ReportData::default() };
+        ReportData { sets: vec![set(vec![result("a", 18.0, 0.1), result("b", 18.1, 0.1)])], ..ReportData::default() };
     assert!(render(&data).contains("the order of these is not settled"));
-    data.results[0] = result("a", 15.0, 0.1);
+    data.sets[0].results[0] = result("a", 15.0, 0.1);
     assert!(render(&data).contains("lies above all others"));
+}
+
+#[test]
+fn pooled_runs_have_their_methods_before_each_run() {
+    let page = render(&pooled());
+    assert_drawings_are_numeric(&page);
+    let places = ["Methods over training seeds", "Performance profile", "dqn − rule:best-lane", "Chance that a seed"];
+    let places = places.map(|text| page.find(text).unwrap());
+    assert!(places.is_sorted() && places[3] < page.find("Each run and rule alone").unwrap());
+    // Collisions stand beside the reward wherever a method's reward stands.
+    assert!(page.contains("collisions, % of episodes") && page.contains("per 1 000 km"));
+}
+
+#[test]
+fn sets_of_scenarios_have_sections_of_their_own() {
+    let mut data = full();
+    data.sets.push(data.sets[0].clone());
+    data.sets[0].name = "a <b>".into();
+    data.sets[1].name = "c".into();
+    let page = render(&data);
+    assert!(page.contains("Results in the scenarios of a &lt;b&gt;") && page.contains("Results in the scenarios of c"));
+}
+
+#[test]
+fn odd_methods_break_nothing() {
+    for odd in [f64::NAN, f64::INFINITY, f64::MAX] {
+        let mut data = pooled();
+        let method = &mut data.sets[0].methods[0];
+        method.name = HOSTILE.into();
+        method.reward_per_tick = Interval { mean: odd, low: odd, high: odd };
+        method.profile[1] = (odd, Interval { mean: odd, low: odd, high: odd });
+        data.sets[0].differences[0].other = HOSTILE.into();
+        data.sets[0].improvement[0][1].high = odd;
+        let page = render(&data);
+        assert_drawings_are_numeric(&page);
+        assert!(!page.contains("<script>alert") && !page.contains("<img"));
+    }
 }

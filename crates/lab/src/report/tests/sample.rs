@@ -6,7 +6,7 @@ use lanecraft_drive::env::{
 };
 
 use crate::metrics::{CurvePoint, Interval, PolicyResult};
-use crate::report::{IrlFeature, IrlSummary, ReportData};
+use crate::report::{Difference, IrlFeature, IrlSummary, MethodResult, ReportData, ScenarioSet};
 
 const LANE_M: f64 = 3.75;
 const TICK_S: f64 = 0.5;
@@ -246,14 +246,14 @@ pub(super) fn full() -> ReportData {
     ReportData {
         title: "Integrated decisions drive faster than rules at the same risk".into(),
         summary: vec![],
-        results: vec![
+        sets: vec![set(vec![
             result("bootstrapped-dqn", 18.3, 1.4),
             result("double-dqn", 18.1, 1.6),
             result("dqn", 17.2, 3.8),
             result("rule:best-lane", 17.6, 0.8),
             result("rule:keep-lane", 13.9, 0.2),
             result("random", 9.8, 21.0),
-        ],
+        ])],
         curves: vec![
             ("bootstrapped-dqn".into(), curve(18.3, 9.0)),
             ("double-dqn".into(), curve(18.0, 12.0)),
@@ -276,4 +276,47 @@ pub(super) fn full() -> ReportData {
             "Collisions are counted with the shield on, as trained.".into(),
         ],
     }
+}
+
+/// The only set of scenarios.
+pub(super) fn set(results: Vec<PolicyResult>) -> ScenarioSet {
+    ScenarioSet { results, ..ScenarioSet::default() }
+}
+
+/// Two methods of three seeds, and a rule.
+pub(super) fn pooled() -> ReportData {
+    let method = |name: &str, reward: f64| {
+        let rate = result(name, reward, 2.0);
+        let share = |i: u32| (f64::from(i), around(1.0 - f64::from(i) / 25.0, 0.04));
+        MethodResult {
+            name: name.into(),
+            runs: ["0", "1", "2"].map(|seed| format!("{name}-{seed}")).into(),
+            episodes: 600,
+            speed_mps: rate.speed_mps,
+            reward_per_tick: rate.reward_per_tick,
+            reward_interquartile_mean: rate.reward_per_tick,
+            collisions_per_episode: rate.collisions_per_episode,
+            at_fault_collisions_per_episode: rate.at_fault_collisions_per_episode,
+            collisions_per_1000_km: around(12.0, 3.0),
+            at_fault_collisions_per_1000_km: around(4.0, 2.0),
+            collisions_by_seed: vec![0.01, 0.03, 0.02],
+            profile: (0..=25).map(share).collect(),
+        }
+    };
+    let difference = |other: &str| Difference {
+        method: "dqn".into(),
+        other: other.into(),
+        unit: "same seeds, paired".into(),
+        speed_mps: around(0.2, 0.1),
+        collisions_per_episode: around(-0.01, 0.02),
+        at_fault_collisions_per_episode: around(0.0, 0.01),
+        reward_per_tick: around(0.3, 0.4),
+    };
+    let set = ScenarioSet {
+        methods: vec![method("dqn", 17.0), method("double-dqn", 18.0)],
+        differences: vec![difference("double-dqn"), difference("rule:best-lane")],
+        improvement: vec![vec![around(0.5, 0.2), around(0.2, 0.2)], vec![around(0.8, 0.2), around(0.5, 0.2)]],
+        ..set(vec![result("dqn-0", 17.0, 2.0), result("rule:best-lane", 17.6, 0.8)])
+    };
+    ReportData { title: "Two methods".into(), sets: vec![set], ..ReportData::default() }
 }
