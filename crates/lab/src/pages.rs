@@ -15,7 +15,7 @@ use crate::irl::IrlReport;
 use crate::judge::{JudgeError, TIMES, TRACE};
 use crate::metrics::{Interval, PolicyResult};
 use crate::progress::Progress;
-use crate::report::{Difference, MethodResult, ReportData, ScenarioSet, render};
+use crate::report::{MethodResult, ReportData, ScenarioSet, render};
 use crate::run_dir::{RunDirError, atomic};
 use crate::stats::StatsError;
 use crate::trace_file::read_trace;
@@ -189,14 +189,17 @@ fn method_reading(first: &MethodResult, set: &ScenarioSet) -> Vec<String> {
         percent(first.collisions_per_episode),
         percent(first.at_fault_collisions_per_episode)
     )];
-    let others = set.differences.iter().filter(|difference| difference.method == first.name);
-    let (better, rest): (Vec<_>, Vec<_>) = others.partition(|difference| difference.reward_per_tick.low > 0.0);
-    let named = |of: &[&Difference]| of.iter().map(|d| d.other.as_str()).collect::<Vec<_>>().join(", ");
-    if !better.is_empty() {
-        sentences.push(format!("In reward its trainings beat {} on average.", named(&better)));
-    }
-    if !rest.is_empty() {
-        sentences.push(format!("That they beat {} is not shown.", named(&rest)));
+    let verdicts: [(&str, fn(&Interval) -> bool); 3] = [
+        ("In reward its trainings beat", |lead| lead.low > 0.0),
+        ("They fall behind", |lead| lead.high < 0.0),
+        ("These seeds do not settle the order with", |lead| lead.low <= 0.0 && lead.high >= 0.0),
+    ];
+    let own = || set.differences.iter().filter(|difference| difference.method == first.name);
+    for (verdict, holds) in verdicts {
+        let others: Vec<&str> = own().filter(|d| holds(&d.reward_per_tick)).map(|d| d.other.as_str()).collect();
+        if !others.is_empty() {
+            sentences.push(format!("{verdict} {}.", others.join(", ")));
+        }
     }
     sentences
 }

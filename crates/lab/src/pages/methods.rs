@@ -9,7 +9,7 @@ use crate::config::RunConfig;
 use crate::evaluate::{EpisodeResult, PolicyEpisodes};
 use crate::metrics::Interval;
 use crate::report::{Difference, MethodResult};
-use crate::stats::{Pairing, SeedScores, StatsError, exact_rate_interval, rate_per_1000_km};
+use crate::stats::{Pairing, SeedScores, StatsError, exact_rate_interval, rate_difference, rate_per_1000_km};
 
 /// Number of thresholds of a performance profile.
 const THRESHOLDS: u32 = 60;
@@ -68,16 +68,21 @@ impl Method<'_> {
         SeedScores::new(&self.name, self.runs.iter().map(row).collect())
     }
 
+    /// Those of all seeds.
+    fn episodes(&self) -> impl Iterator<Item = &EpisodeResult> {
+        self.runs.iter().flat_map(|run| run.own())
+    }
+
     fn reward(&self) -> Result<SeedScores, StatsError> {
         self.scores(|episode| episode.reward_per_tick)
     }
 
     /// The figures of the page; `thresholds` are those of the profile.
     fn result(&self, thresholds: &[f64]) -> Result<MethodResult, StatsError> {
-        let episodes = || self.runs.iter().flat_map(|run| run.own());
-        let (all, at_fault) = (episodes().filter(|e| collided(e)).count(), episodes().filter(|e| e.at_fault).count());
-        let distance_m = episodes().map(|e| e.speed_mps * e.duration_s).sum();
-        let count = episodes().count();
+        let all = self.episodes().filter(|e| collided(e)).count();
+        let at_fault = self.episodes().filter(|e| e.at_fault).count();
+        let distance_m = self.episodes().map(|e| e.speed_mps * e.duration_s).sum();
+        let count = self.episodes().count();
         let reward = self.reward()?;
         let profile = reward.profile(thresholds)?;
         Ok(MethodResult {
@@ -91,7 +96,7 @@ impl Method<'_> {
             at_fault_collisions_per_episode: exact_rate_interval(at_fault, count)?,
             collisions_per_1000_km: rate_per_1000_km(all, distance_m)?,
             at_fault_collisions_per_1000_km: rate_per_1000_km(at_fault, distance_m)?,
-            collisions_by_seed: self.scores(collision_share)?.seed_means(),
+            collisions_by_seed: self.scores(|e| f64::from(u8::from(collided(e))))?.seed_means(),
             profile: thresholds.iter().copied().zip(profile).collect(),
         })
     }
@@ -101,17 +106,9 @@ fn collided(episode: &EpisodeResult) -> bool {
     !episode.collision.is_empty()
 }
 
-fn collision_share(episode: &EpisodeResult) -> f64 {
-    f64::from(u8::from(collided(episode)))
-}
-
-/// The metrics that differences are given of.
-const COMPARED: [fn(&EpisodeResult) -> f64; 4] =
-    [|e| e.speed_mps, collision_share, |e| f64::from(u8::from(e.at_fault)), |e| e.reward_per_tick];
-
 /// The figures of all methods.
 pub(super) fn results(methods: &[Method]) -> Result<Vec<MethodResult>, StatsError> {
-    let rewards = || methods.iter().flat_map(|m| m.runs.iter().flat_map(|run| run.own())).map(|e| e.reward_per_tick);
+    let rewards = || methods.iter().flat_map(Method::episodes).map(|e| e.reward_per_tick);
     let (low, high) = rewards().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
     let at = |i: u32| low + (high - low) * f64::from(i) / f64::from(THRESHOLDS - 1);
     let thresholds: Vec<f64> = (0..THRESHOLDS).map(at).collect();
@@ -123,39 +120,72 @@ pub(super) fn differences(methods: &[Method], rules: &[&PolicyEpisodes]) -> Resu
     let mut found = Vec::new();
     for (place, method) in methods.iter().enumerate() {
         for other in &methods[place + 1..] {
-            let of = |metric| method.scores(metric)?.difference(&other.scores(metric)?);
-            let (_, pairing) = of(COMPARED[0])?;
-            let unit = match pairing {
-                Pairing::BySeed => "same seeds, paired",
-                Pairing::Independent => "different seeds",
-            };
-            let each = COMPARED.map(|metric| Ok(of(metric)?.0));
-            found.push(difference([&method.name, &other.name, unit], each)?);
+            found.push(difference(method, Opponent::Method(other))?);
         }
         for rule in rules {
-            let of = |metric: fn(&EpisodeResult) -> f64| {
-                method.scores(metric)?.difference_from_fixed(&rule.episodes.iter().map(metric).collect::<Vec<_>>())
-            };
-            found.push(difference([&method.name, &rule.policy, "a rule, not trained"], COMPARED.map(of))?);
+            found.push(difference(method, Opponent::Rule(rule))?);
         }
     }
     Ok(found)
 }
 
-fn difference(
-    [method, other, unit]: [&str; 3],
-    each: [Result<Interval, StatsError>; 4],
-) -> Result<Difference, StatsError> {
-    let [speed_mps, collisions, at_fault, reward] = each;
+/// Whom a method is compared with.
+#[derive(Clone, Copy)]
+enum Opponent<'a> {
+    Method(&'a Method<'a>),
+    Rule(&'a PolicyEpisodes),
+}
+
+impl<'a> Opponent<'a> {
+    fn name(self) -> &'a str {
+        match self {
+            Self::Method(method) => &method.name,
+            Self::Rule(rule) => &rule.policy,
+        }
+    }
+
+    fn episodes(self) -> Vec<&'a EpisodeResult> {
+        match self {
+            Self::Method(method) => method.episodes().collect(),
+            Self::Rule(rule) => rule.episodes.iter().collect(),
+        }
+    }
+}
+
+fn difference(method: &Method, other: Opponent) -> Result<Difference, StatsError> {
+    let over_seeds = |metric: fn(&EpisodeResult) -> f64| match other {
+        Opponent::Method(other) => method.scores(metric)?.difference(&other.scores(metric)?),
+        Opponent::Rule(rule) => {
+            let scores: Vec<f64> = rule.episodes.iter().map(metric).collect();
+            Ok((method.scores(metric)?.difference_from_fixed(&scores)?, Pairing::Independent))
+        }
+    };
+    let (speed_mps, pairing) = over_seeds(|e| e.speed_mps)?;
+    // Seeds without an event do not differ, and yet the next one may have some: what the episodes leave open counts as well.
+    let share = |event: fn(&EpisodeResult) -> bool, score: fn(&EpisodeResult) -> f64| {
+        let counts = |episodes: &[&EpisodeResult]| [episodes.iter().filter(|e| event(e)).count(), episodes.len()];
+        let own: Vec<&EpisodeResult> = method.episodes().collect();
+        Ok::<_, StatsError>(hull(over_seeds(score)?.0, rate_difference(counts(&own), counts(&other.episodes()))?))
+    };
     Ok(Difference {
-        method: method.to_owned(),
-        other: other.to_owned(),
-        unit: unit.to_owned(),
-        speed_mps: speed_mps?,
-        collisions_per_episode: collisions?,
-        at_fault_collisions_per_episode: at_fault?,
-        reward_per_tick: reward?,
+        method: method.name.clone(),
+        other: other.name().to_owned(),
+        unit: match (other, pairing) {
+            (Opponent::Rule(_), _) => "a rule, not trained",
+            (_, Pairing::BySeed) => "same seeds, paired",
+            (_, Pairing::Independent) => "different seeds",
+        }
+        .to_owned(),
+        speed_mps,
+        collisions_per_episode: share(collided, |e| f64::from(u8::from(collided(e))))?,
+        at_fault_collisions_per_episode: share(|e| e.at_fault, |e| f64::from(u8::from(e.at_fault)))?,
+        reward_per_tick: over_seeds(|e| e.reward_per_tick)?.0,
     })
+}
+
+/// The smallest interval that holds both; their means are the same.
+fn hull(a: Interval, b: Interval) -> Interval {
+    Interval { mean: a.mean, low: a.low.min(b.low), high: a.high.max(b.high) }
 }
 
 /// The probability that a seed of the row's method earns more than one of the column's; the diagonal is a half of no meaning.

@@ -81,7 +81,8 @@ impl<'a> From<&'a MethodResult> for Outcome<'a> {
 /// How to read the section.
 pub(super) const NOTE: &str = "Runs that differ only in their training seed are one method. The seed is the unit: each run is averaged over its \
      scenarios, and the 95 % intervals of speed, reward and differences are over seeds; they speak of further trainings on these scenarios. \
-     Collisions are pooled over all episodes, with exact intervals for independent episodes; beside them the seeds with fewest and most.";
+     Collisions are pooled over all episodes, with exact intervals for independent episodes; beside them the seeds with fewest and most. \
+     Their differences have the wider of the intervals over seeds and over episodes. Rules are not trained: their intervals are over episodes.";
 
 /// The section's content.
 pub(super) fn methods(set: &ScenarioSet) -> String {

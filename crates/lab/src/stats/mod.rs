@@ -8,7 +8,7 @@
 //! | how well a method trains | [`SeedScores::mean`], [`SeedScores::interquartile_mean`], [`SeedScores::profile`] | the training seed |
 //! | which of two methods is better | [`SeedScores::difference`], [`SeedScores::probability_of_improvement`] | the training seed |
 //! | the same over tasks with trainings of their own | [`SeedScores::stratified`], [`SeedScores::improvement_over_tasks`] | the training |
-//! | how often it collides | [`rate_interval`], [`exact_rate_interval`], [`rate_per_1000_km`] | the episode, the event |
+//! | how often it collides | [`rate_interval`], [`exact_rate_interval`], [`rate_difference`], [`rate_per_1000_km`] | the episode, the event |
 //! | whether a score rises with a setting | [`spearman_trend`] | the pair |
 //! | how many seeds or episodes are needed | [`seeds_per_method`], [`episodes_per_policy`] | |
 //!
@@ -43,7 +43,8 @@ pub use means::{
 pub use power::{episodes_per_policy, seeds_per_method};
 pub use rank::{Trend, spearman_trend};
 pub use rates::{
-    clopper_pearson_interval, exact_rate_interval, rate_interval, rate_per_1000_km, rule_of_three, wilson_interval,
+    clopper_pearson_interval, exact_rate_interval, rate_difference, rate_interval, rate_per_1000_km, rule_of_three,
+    wilson_interval,
 };
 pub use seeds::{Aggregate, Pairing, SeedScores};
 

@@ -66,6 +66,19 @@ pub fn clopper_pearson_interval(events: usize, trials: usize) -> Result<Interval
     Ok(Interval { mean: rate, low, high })
 }
 
+/// The difference of two rates, each as events and trials, with Newcombe's 95 % interval from Wilson's of each rate (Newcombe, 1998,
+/// method 10). It has a width also where neither has an event.
+///
+/// # Errors
+/// If one has no trial, or more events than trials.
+pub fn rate_difference(first: [usize; 2], second: [usize; 2]) -> Result<Interval, StatsError> {
+    let (a, b) = (wilson_interval(first[0], first[1])?, wilson_interval(second[0], second[1])?);
+    let mean = a.mean - b.mean;
+    let low = mean - libm::hypot(a.mean - a.low, b.high - b.mean);
+    let high = mean + libm::hypot(a.high - a.mean, b.mean - b.low);
+    Ok(Interval { mean, low, high })
+}
+
 /// The one-sided 95 % upper bound of a rate when none of `trials` trials had the event: 3/n, at most 1 (Hanley and Lippman-Hand, 1983).
 pub fn rule_of_three(trials: usize) -> f64 {
     (3.0 / trials as f64).min(1.0)
@@ -124,6 +137,21 @@ mod tests {
                 close(actual, expected, 6e-5);
             }
         }
+    }
+
+    #[test]
+    fn differences_of_rates_match_published_values() {
+        // Newcombe (1998, comparison of eleven methods), table II, method 10.
+        for (first, second, low, high) in [
+            ([56, 70], [48, 80], 0.0524, 0.3339),
+            ([9, 10], [3, 10], 0.1705, 0.8090),
+            ([0, 20], [0, 10], -0.2775, 0.1611),
+        ] {
+            let difference = rate_difference(first, second).unwrap();
+            close(difference.low, low, 6e-5);
+            close(difference.high, high, 6e-5);
+        }
+        assert!(rate_difference([1, 0], [0, 1]).is_err());
     }
 
     #[test]
