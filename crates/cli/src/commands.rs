@@ -1,6 +1,7 @@
 //! The commands, one file each: check the arguments, call the library, print what it found.
 
 pub(crate) mod bench;
+pub(crate) mod ceiling;
 pub(crate) mod data;
 pub(crate) mod evaluate;
 pub(crate) mod export;
@@ -37,6 +38,7 @@ pub(crate) enum Command {
     Export(export::Export),
     Replay(replay::Replay),
     Bench(bench::Bench),
+    Ceiling(ceiling::Ceiling),
     Maneuvers(maneuvers::Maneuvers),
     Study(study::Study),
     Reproduce(reproduce::Reproduce),
@@ -63,6 +65,7 @@ pub(crate) fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Export(command) => command.run(),
         Command::Replay(command) => command.run(output),
         Command::Bench(command) => command.run(output),
+        Command::Ceiling(command) => command.run(output),
         Command::Maneuvers(command) => command.run(output),
         Command::Study(command) => command.run(output),
         Command::Reproduce(command) => command.run(output),

@@ -261,6 +261,6 @@ fn runs_are_pooled_by_their_seeds_and_unfinished_ones_are_named() {
     }
     // Alone, what is not finished has no page.
     let output = run(path, "report runs/broken");
-    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("policy.safetensors"));
 }

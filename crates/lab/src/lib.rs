@@ -4,6 +4,7 @@ pub mod baselines;
 pub mod bench;
 pub mod calibrate;
 pub mod candidates;
+pub mod ceiling;
 pub mod config;
 pub mod data;
 pub mod demonstrations;

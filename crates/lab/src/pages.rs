@@ -172,6 +172,10 @@ fn seeds_stated(methods: &[Method], runs: &[&JudgedRun], results: &[MethodResult
     statements
 }
 
+/// What a lead in reward says of the first method's trainings.
+const VERDICTS: [&str; 3] =
+    ["In reward its trainings beat", "They fall behind", "These seeds do not settle the order with"];
+
 /// The first method's results in words, collisions beside speed and reward.
 fn method_reading(first: &MethodResult, set: &ScenarioSet) -> Vec<String> {
     let percent = |interval: Interval| {
@@ -189,16 +193,17 @@ fn method_reading(first: &MethodResult, set: &ScenarioSet) -> Vec<String> {
         percent(first.collisions_per_episode),
         percent(first.at_fault_collisions_per_episode)
     )];
-    let verdicts: [(&str, fn(&Interval) -> bool); 3] = [
-        ("In reward its trainings beat", |lead| lead.low > 0.0),
-        ("They fall behind", |lead| lead.high < 0.0),
-        ("These seeds do not settle the order with", |lead| lead.low <= 0.0 && lead.high >= 0.0),
-    ];
+    let verdict = |lead: &Interval| match lead {
+        lead if lead.low > 0.0 => VERDICTS[0],
+        lead if lead.high < 0.0 => VERDICTS[1],
+        _ => VERDICTS[2],
+    };
     let own = || set.differences.iter().filter(|difference| difference.method == first.name);
-    for (verdict, holds) in verdicts {
-        let others: Vec<&str> = own().filter(|d| holds(&d.reward_per_tick)).map(|d| d.other.as_str()).collect();
+    for said in VERDICTS {
+        let others: Vec<&str> =
+            own().filter(|d| verdict(&d.reward_per_tick) == said).map(|d| d.other.as_str()).collect();
         if !others.is_empty() {
-            sentences.push(format!("{verdict} {}.", others.join(", ")));
+            sentences.push(format!("{said} {}.", others.join(", ")));
         }
     }
     sentences

@@ -4,6 +4,8 @@
 //! printed with `--nocapture`. A tolerance allows for the chance of few samples alone: 3.3 binomial standard errors beyond the range that
 //! is asked for, which a right interval leaves once in a thousand times.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "a test, which prints the table of its measurements")]
+
 use lanecraft_lab::metrics::Interval;
 use lanecraft_lab::stats::{
     Aggregate, SeedScores, clopper_pearson_interval, mean_interval, rate_per_1000_km, wilson_interval,
@@ -120,7 +122,7 @@ fn differences_over_seeds() {
 fn probabilities_of_improvement() {
     for (shift, truth) in [(0.0, 0.5), (1.0, 0.760_250), (2.0, 0.921_350)] {
         let covered = coverage(&format!("probability of improvement {truth:.2}, 10 and 10 seeds"), truth, |s| {
-            let better = scores(s, |s| s.normal(), [10, 1], 0.0);
+            let better = scores(s, Stream::normal, [10, 1], 0.0);
             let rows = better.seeds().iter().zip(better.seed_means()).map(|(seed, x)| (*seed, vec![x + shift]));
             let better = SeedScores::new("better", rows.collect()).unwrap();
             better.probability_of_improvement(&scores(s, Stream::normal, [10, 1], 0.0)).unwrap()

@@ -22,7 +22,7 @@ Examples:
   lanecraft evaluate runs/mine rule:best-lane --scenario scenarios/splits/dense-ood.toml
 
 All policies drive in the same scenarios, which no training sees.
-Rules: rule:keep-lane, rule:random, rule:idm-mobil, rule:best-lane.";
+Rules: rule:keep-lane, rule:random, rule:idm-mobil, rule:best-lane, rule:proposals.";
 
 /// Drive policies in the same scenarios and compare them
 #[derive(Debug, Args)]
@@ -92,7 +92,7 @@ impl Evaluate {
 }
 
 impl Policy {
-    fn entrant(&self) -> Result<Entrant, RunError> {
+    pub(crate) fn entrant(&self) -> Result<Entrant, RunError> {
         match self {
             Self::Rule(rule) => Ok(Driver::Rule(*rule).into()),
             Self::Run(path) => Entrant::of_run(path),

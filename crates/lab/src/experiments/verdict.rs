@@ -3,7 +3,7 @@
 use super::definition::Metric;
 use super::rows::UnitRow;
 use crate::metrics::Interval;
-use crate::stats::{StatsError, mean_interval};
+use crate::stats::{StatsError, paired_difference, paired_ratio};
 
 /// The outcome of a claim.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,17 +39,21 @@ impl Verdict {
     }
 }
 
-/// The lead of `rows` over `other` in a figure, seed by seed; a variant with a single row (a rule) stands for all seeds of the other. None
-/// if neither has two seeds.
-pub(super) fn lead(metric: Metric, rows: &[&UnitRow], other: &[&UnitRow]) -> Result<Option<Interval>, StatsError> {
+/// A figure of `rows` and of `other`, seed by seed; a variant with a single row (a rule) stands for all seeds of the other. None if neither
+/// has two seeds, or they differ in number.
+fn pairs(metric: Metric, rows: &[&UnitRow], other: &[&UnitRow]) -> Option<[Vec<f64>; 2]> {
     let count = rows.len().max(other.len());
-    let value = |of: &[&UnitRow], index: usize| metric.of(if of.len() == 1 { of[0] } else { of[index] });
-    let alike = [rows, other].iter().all(|of| of.len() == 1 || of.len() == count);
-    if count < 2 || !alike || rows.is_empty() || other.is_empty() {
-        return Ok(None);
-    }
-    let leads: Vec<f64> = (0..count).map(|index| value(rows, index) - value(other, index)).collect();
-    Ok(Some(mean_interval(&leads)?))
+    let spread = |of: &[&UnitRow]| match of {
+        [row] => Some(vec![metric.of(row); count]),
+        _ if of.len() == count => Some(of.iter().map(|row| metric.of(row)).collect()),
+        _ => None,
+    };
+    if count < 2 { None } else { Some([spread(rows)?, spread(other)?]) }
+}
+
+/// The lead of `rows` over `other` in a figure; none where there are no pairs.
+pub(super) fn lead(metric: Metric, rows: &[&UnitRow], other: &[&UnitRow]) -> Result<Option<Interval>, StatsError> {
+    pairs(metric, rows, other).map(|[own, other]| paired_difference(&own, &other)).transpose()
 }
 
 /// The same relative to the mean of `other`, %; none also if that is zero.
@@ -58,12 +62,12 @@ pub(super) fn change_percent(
     rows: &[&UnitRow],
     other: &[&UnitRow],
 ) -> Result<Option<Interval>, StatsError> {
-    let mean = other.iter().map(|row| metric.of(row)).sum::<f64>() / other.len().max(1) as f64;
-    let percent = |Interval { mean: lead, low, high }: Interval| {
-        let [mean, low, high] = [lead, low, high].map(|lead| 100.0 * lead / mean);
-        Interval { mean, low, high }
+    let Some([own, other]) = pairs(metric, rows, other).filter(|[_, other]| other.iter().sum::<f64>() > 0.0) else {
+        return Ok(None);
     };
-    Ok(lead(metric, rows, other)?.filter(|_| mean > 0.0).map(percent))
+    let Interval { mean, low, high } = paired_ratio(&own, &other)?;
+    let [mean, low, high] = [mean, low, high].map(|ratio| 100.0 * (ratio - 1.0));
+    Ok(Some(Interval { mean, low, high }))
 }
 
 #[cfg(test)]
