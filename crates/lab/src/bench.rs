@@ -11,13 +11,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use lanecraft_drive::driver::Part;
-use lanecraft_drive::env::EnvError;
+use lanecraft_drive::env::{Env, EnvError};
 use lanecraft_learn::{ActError, Actor, Learner, Transition, UpdateError};
 use lanecraft_net::random::Stream;
 use lanecraft_net::{Adam, Lstm, LstmShape, LstmWorkspace, ShapeError};
 use serde::Serialize;
 
-use crate::baselines::{BestLane, Rule};
+use crate::baselines::{BestLane, Proposals, Rule};
 use crate::config::{EvaluationConfig, RunConfig, SeedRole};
 use crate::evaluate::{EvaluateError, evaluate, evaluation_environment};
 use crate::metrics::Interval;
@@ -85,11 +85,13 @@ pub enum Group {
     Policies,
     /// The rule `best-lane` over a grid of its two numbers, on tuning scenarios.
     BestLane,
+    /// The rule `proposals` over a grid of its numbers, on tuning scenarios, and the time of a decision.
+    Proposals,
 }
 
 impl Group {
     /// All groups.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::Traffic,
         Self::Env,
         Self::Kinematic,
@@ -98,6 +100,7 @@ impl Group {
         Self::Lstm,
         Self::Policies,
         Self::BestLane,
+        Self::Proposals,
     ];
     /// Those that are done in seconds.
     pub const SHORT: [Self; 6] = [Self::Traffic, Self::Env, Self::Kinematic, Self::Planner, Self::Learner, Self::Lstm];
@@ -113,6 +116,7 @@ impl Group {
             Self::Lstm => "lstm",
             Self::Policies => "policies",
             Self::BestLane => "best-lane",
+            Self::Proposals => "proposals",
         }
     }
 
@@ -127,6 +131,7 @@ impl Group {
             Self::Lstm => lstm(found),
             Self::Policies => policies(config, found),
             Self::BestLane => best_lane(config, found),
+            Self::Proposals => proposals(config, found),
         }
     }
 }
@@ -254,19 +259,40 @@ fn policies(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), B
 /// Episodes for each point of the grid.
 const TUNING_EPISODES: usize = 400;
 
-fn best_lane(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
+/// Mean reward per tick of `rule` over the tuning scenarios.
+fn tuning_reward(config: &RunConfig, rule: Rule) -> Result<f64, BenchError> {
     let evaluation = EvaluationConfig {
         episodes: TUNING_EPISODES,
         episode_s: config.environment.env.episode_s,
         ..config.evaluation
     };
+    let (policy, progress) = (Policy::Rule(rule), Progress::silent());
+    let episodes = evaluate(&policy, &config.environment, &evaluation, SeedRole::Tuning, &progress)?;
+    Ok(episodes.result()?.reward_per_tick.mean)
+}
+
+fn best_lane(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
     for gap_time_s in [1.0, 2.0, 4.0, 8.0, 16.0] {
         for gain_threshold_mps in [0.25, 0.5, 1.0, 2.0, 3.0] {
-            let policy = Policy::Rule(Rule::BestLane(BestLane { gap_time_s, gain_threshold_mps }));
-            let progress = Progress::silent();
-            let episodes = evaluate(&policy, &config.environment, &evaluation, SeedRole::Tuning, &progress)?;
-            let value = episodes.result()?.reward_per_tick.mean;
+            let value = tuning_reward(config, Rule::BestLane(BestLane { gap_time_s, gain_threshold_mps }))?;
             let bench = format!("best-lane/gap-time-{gap_time_s}/threshold-{gain_threshold_mps}");
+            found(BenchRow { bench, value, unit: "reward per tick" });
+        }
+    }
+    Ok(())
+}
+
+fn proposals(config: &RunConfig, found: &mut dyn FnMut(BenchRow)) -> Result<(), BenchError> {
+    let environment = evaluation_environment(&config.environment, &config.evaluation);
+    let rule = Rule::Proposals(Proposals::default());
+    let env = Env::new(&environment, SeedRole::Tuning.scenario_seed(config.evaluation.seed, 0))?;
+    let value = 1e6 / rate(|| u64::from(black_box(rule.act(&env, 0)) < usize::MAX));
+    found(BenchRow { bench: "proposals/decision".to_owned(), value, unit: "us" });
+    for horizon_s in [6.0, 8.0, 12.0, 16.0, 20.0] {
+        for restraint_threshold in [0.0, 0.5, 1.0, f64::INFINITY] {
+            let rule = Proposals { horizon_s, restraint_threshold, ..Proposals::default() };
+            let value = tuning_reward(config, Rule::Proposals(rule))?;
+            let bench = format!("proposals/horizon-{horizon_s}/restraint-{restraint_threshold}");
             found(BenchRow { bench, value, unit: "reward per tick" });
         }
     }

@@ -8,7 +8,7 @@ use lanecraft_drive::road::{LaneIndex, Road};
 use lanecraft_drive::scenario::ScenarioFile;
 use lanecraft_lab::baselines::Rule;
 
-const POLICIES: [&str; 3] = ["best-lane", "idm-mobil", "random"];
+const POLICIES: [&str; 4] = ["best-lane", "idm-mobil", "random", "proposals"];
 
 /// 200 episodes of each kind in the long form.
 fn episodes() -> u64 {

@@ -13,6 +13,8 @@ use lanecraft_drive::road::{LaneIndex, Side};
 use lanecraft_drive::scene::{Neighbor, Scene};
 use lanecraft_net::random::Stream;
 
+use super::proposals::Proposals;
+
 /// A baseline.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rule {
@@ -24,6 +26,8 @@ pub enum Rule {
     IdmMobil,
     /// Go where the anticipated speed is highest.
     BestLane(BestLane),
+    /// Simulate some proposals and begin the best.
+    Proposals(Proposals),
 }
 
 /// The two numbers of the rule `best-lane`.
@@ -61,11 +65,12 @@ impl FromStr for Rule {
 
 impl Rule {
     /// All names, as they stand after `rule:`.
-    pub const NAMES: [&'static str; 4] = ["keep-lane", "random", "idm-mobil", "best-lane"];
+    pub const NAMES: [&'static str; 5] = ["keep-lane", "random", "idm-mobil", "best-lane", "proposals"];
 
     /// All rules, in the order of [`Self::NAMES`].
-    pub fn all() -> [Self; 4] {
-        [Self::KeepLane, Self::Random, Self::IdmMobil, Self::BestLane(BestLane::default())]
+    pub fn all() -> [Self; 5] {
+        let (best_lane, proposals) = (Self::BestLane(BestLane::default()), Self::Proposals(Proposals::default()));
+        [Self::KeepLane, Self::Random, Self::IdmMobil, best_lane, proposals]
     }
 
     /// Its name.
@@ -75,6 +80,7 @@ impl Rule {
             Self::Random => Self::NAMES[1],
             Self::IdmMobil => Self::NAMES[2],
             Self::BestLane(_) => Self::NAMES[3],
+            Self::Proposals(_) => Self::NAMES[4],
         }
     }
 
@@ -85,6 +91,9 @@ impl Rule {
             Self::Random => random(env, scenario_seed),
             Self::IdmMobil => idm_mobil(env),
             Self::BestLane(rule) => rule.act(env),
+            Self::Proposals(rule) => {
+                rule.act(env, |accel_mps2| keep(env.actions(), accel_mps2), |side| change(env, side))
+            }
         };
         if env.mask().allows(wanted) { wanted } else { forced_change(env).unwrap_or(wanted) }
     }
