@@ -39,7 +39,7 @@ pub(crate) struct Ceiling {
     /// Scenarios to search
     #[arg(long, value_name = "N", default_value = "20", value_parser = clap::value_parser!(u32).range(2..=100_000))]
     episodes: u32,
-    /// Widths of the beam; a minute of a scenario takes about 0.25 s for each unit of it
+    /// Widths of the beam; a minute of a scenario takes a core about half a second for each member
     #[arg(long, value_name = "W", num_args = 1.., default_value = "100", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     width: Vec<u32>,
     /// Keep what is in the folder and add what is missing

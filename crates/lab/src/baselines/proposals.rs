@@ -29,7 +29,7 @@ pub struct Proposals {
 }
 
 impl Default for Proposals {
-    /// The best of a grid on tuning scenarios: `lanecraft bench proposals` repeats it, `docs/judges.md` has its table.
+    /// Chosen on tuning scenarios (`docs/judges.md`); `lanecraft bench proposals` drives a grid around them.
     fn default() -> Self {
         Self { horizon_s: 12.0, gain_threshold: 0.1, restraint_threshold: 1.0 }
     }

@@ -63,21 +63,23 @@ fn widening(beams: &[Vec<&CeilingRow>]) -> Result<Table, StatsError> {
     Ok(table)
 }
 
-/// Reward over the width, which doubles from tick to tick of its axis.
+/// What each width finds as a share of what the widest one finds, scenario by scenario: the scenarios' own spread is left out.
 fn convergence(beams: &[Vec<&CeilingRow>]) -> Result<Figure, StatsError> {
+    let most = beams.last().map_or_else(Vec::new, |rows| rewards(rows));
     let doublings = |rows: &[&CeilingRow]| libm::log2(rows[0].width as f64);
-    let intervals: Vec<Interval> = beams.iter().map(|rows| mean_interval(&rewards(rows))).collect::<Result<_, _>>()?;
+    let share = |rows: &Vec<&CeilingRow>| Ok(percent(paired_ratio(&rewards(rows), &most)?, 0.0));
+    let shares: Vec<Interval> = beams.iter().map(share).collect::<Result<_, _>>()?;
     let x = Axis::over("width of the beam, powers of two", beams.iter().map(|rows| doublings(rows)));
-    let mut plot = Plot::new(x, Axis::over("reward per tick", intervals.iter().flat_map(|i| [i.mean, i.low, i.high])));
-    let mut line = Vec::new();
-    for (rows, &reward) in beams.iter().zip(&intervals) {
+    let y = Axis::over("% of the reward that the widest finds", shares.iter().flat_map(|i| [i.mean, i.low, i.high]));
+    let (mut plot, mut line) = (Plot::new(x, y), Vec::new());
+    for (rows, &share) in beams.iter().zip(&shares) {
         let at = doublings(rows);
-        plot.point_with_intervals(Interval { mean: at, low: f64::NAN, high: f64::NAN }, reward, 0);
-        line.push([at, reward.mean]);
+        plot.point_with_intervals(Interval { mean: at, low: f64::NAN, high: f64::NAN }, share, 0);
+        line.push([at, share.mean]);
     }
     plot.line(&line, 0);
     let title = "The ceiling over the width of the beam".to_owned();
-    let ends: Vec<String> = line.iter().map(|[at, reward]| format!("2^{at:.1}: {reward:.2}")).collect();
+    let ends: Vec<String> = line.iter().map(|[at, share]| format!("2^{at:.1}: {share:.1} %")).collect();
     let svg = plot.finish(&format!("{title}; {}.", ends.join(", ")));
     Ok(Figure { name: "convergence".into(), title, svg, legend: Vec::new() })
 }
