@@ -37,8 +37,8 @@ mod seeds;
 
 pub use bootstrap::bootstrap_interval;
 pub use means::{
-    BOOTSTRAP_MIN_COUNT, interquartile_mean, interquartile_mean_interval, mean_interval, paired_difference, paired_ratio, t_interval,
-    welch_difference,
+    BOOTSTRAP_MIN_COUNT, interquartile_mean, interquartile_mean_interval, mean_interval, paired_difference,
+    paired_ratio, t_interval, welch_difference,
 };
 pub use power::{episodes_per_policy, seeds_per_method};
 pub use rank::{Trend, spearman_trend};
