@@ -275,8 +275,12 @@ impl Guard {
     }
 
     /// Why a lane change from `origin` to `target` should be given up, if it should: the target lane has become unsafe and
-    /// the old lane is safe. Whether the car may still turn back is for the planner to say.
+    /// the old lane is safe. Whether the car may still turn back is for the planner to say. Nothing is given up with the guard
+    /// switched off.
     pub fn abort_advised(&self, scene: &Scene, origin: LaneIndex, target: LaneIndex) -> Option<GuardCause> {
+        if !self.config.guard {
+            return None;
+        }
         let braking = self.braking(scene);
         let cause = danger(scene, target, -ABORT_TOLERANCE_M, &braking)?;
         danger(scene, origin, -self.config.margin_m, &braking).is_none().then_some(cause)

@@ -128,6 +128,8 @@ fn a_lane_change_is_given_up_only_while_that_helps() {
     let beside = |n: Neighbor| Neighbor { lane: LaneIndex(1), target_lane: LaneIndex(1), d_m: 3.75, ..n };
     scene.neighbors = vec![beside(leader(20.0, 10.0))];
     assert_eq!(guard.abort_advised(&scene, LaneIndex(0), LaneIndex(1)), Some(GuardCause::AbortLeader));
+    let off = Guard::new(&ControlConfig { guard: false, ..Default::default() }, &VehicleParams::default(), PERIOD_S);
+    assert_eq!(off.abort_advised(&scene, LaneIndex(0), LaneIndex(1)), None, "it is switched off");
     scene.neighbors = vec![beside(leader(-20.0, 40.0))];
     assert_eq!(guard.abort_advised(&scene, LaneIndex(0), LaneIndex(1)), Some(GuardCause::AbortFollower));
     scene.neighbors = vec![beside(leader(20.0, 10.0))];
