@@ -5,7 +5,7 @@ use super::rows::UnitRow;
 use super::verdict::{Verdict, change_percent, lead};
 use crate::metrics::{CurvePoint, Interval};
 use crate::report::svg::{Axis, Plot};
-use crate::stats::{StatsError, mean_interval, rate_interval};
+use crate::stats::{StatsError, Trend, mean_interval, rate_interval, spearman_trend};
 use crate::studies::{Figure, StudyReport, Table};
 
 /// The learning curves of a variant's seeds.
@@ -52,7 +52,9 @@ pub fn analyze(definition: &Definition, rows: &[UnitRow], curves: &Curves) -> Re
     if curves.iter().any(|(_, seeds)| seeds.len() > 1) {
         figures.push(learning(curves)?);
     }
-    let (title, summary) = (definition.title.clone(), definition.summary.clone());
+    let title = definition.title.clone();
+    let summary = [Some(definition.summary.clone()), trends(definition, rows)?].into_iter().flatten();
+    let summary = summary.collect::<Vec<_>>().join(" ");
     Ok(StudyReport { name: "experiment", title, summary, tables, figures })
 }
 
@@ -73,6 +75,31 @@ pub fn overview(outcomes: &[Outcome]) -> StudyReport {
         tables: vec![claims(outcomes)],
         figures: Vec::new(),
     }
+}
+
+/// Whether reward and collisions rise or fall with the variants' `x`, if all have one.
+fn trends(definition: &Definition, rows: &[UnitRow]) -> Result<Option<String>, StatsError> {
+    let place = |row: &UnitRow| definition.variants.iter().find(|variant| variant.name == row.variant)?.x;
+    let Some(x) = rows.iter().map(place).collect::<Option<Vec<f64>>>() else { return Ok(None) };
+    let mut sentences = Vec::new();
+    for metric in [Metric::Reward, Metric::Collisions] {
+        let trend = match spearman_trend(&x, &rows.iter().map(|row| metric.of(row)).collect::<Vec<_>>()) {
+            // The same everywhere, such as no collision at all.
+            Err(StatsError::Constant) => continue,
+            trend => trend?,
+        };
+        let verdict = match trend {
+            Trend { p_two_sided, .. } if p_two_sided > 0.05 => "shows no trend",
+            Trend { rank_correlation, .. } if rank_correlation > 0.0 => "rises",
+            _ => "falls",
+        };
+        let Trend { rank_correlation, p_two_sided, .. } = trend;
+        sentences.push(format!(
+            "Over all trainings, {} {verdict} (Spearman's rank correlation {rank_correlation:.2}, p = {p_two_sided:.3}).",
+            metric.name()
+        ));
+    }
+    Ok(Some(sentences.join(" ")))
 }
 
 fn of<'a>(rows: &'a [UnitRow], variant: &str) -> Vec<&'a UnitRow> {
@@ -265,6 +292,21 @@ mod tests {
         assert_eq!(report.tables[1].rows[0][4], "reproduced");
         let page = overview(&outcomes(&definition(), &rows).unwrap());
         assert!(page.summary.starts_with("Of 1 claims: 1 reproduced, 0 not reproduced"), "{}", page.summary);
+    }
+
+    #[test]
+    fn a_trend_is_told_where_all_variants_have_a_place() {
+        let mut definition = definition();
+        let rows: Vec<UnitRow> = (0..4)
+            .flat_map(|seed| ["a", "b", "rule"].map(|name| row(name, seed, name.len() as f64 + 0.01 * seed as f64, 1)))
+            .collect();
+        assert_eq!(trends(&definition, &rows).unwrap(), None);
+        for (variant, x) in definition.variants.iter_mut().zip([1.0, 1.0, 4.0]) {
+            variant.x = Some(x);
+        }
+        let told = trends(&definition, &rows).unwrap().unwrap();
+        assert!(told.contains("reward per tick rises"), "{told}");
+        assert!(!told.contains("collisions"), "all have one: {told}");
     }
 
     #[test]

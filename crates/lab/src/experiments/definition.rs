@@ -80,6 +80,8 @@ pub struct Definition {
 pub struct Variant {
     /// Its name.
     pub name: String,
+    /// Where it stands among the variants, such as its number of heads; if all have one, it is tested whether figures rise with it.
+    pub x: Option<f64>,
     /// The rule that drives, such as `rule:best-lane`; empty: a policy that is trained.
     pub policy: String,
     /// Laid over the base, for training and test.
