@@ -5,6 +5,7 @@
 //! is taken on normalized distances (in meters it vanishes until the bodies overlap), and the number of samples η is that of
 //! [0, t_c] (the text says of the interval of allowed durations, which would not make H_tra a measure of duration).
 
+use pulp::{Arch, NullaryFnOnce};
 use serde::{Deserialize, Serialize};
 
 use super::interaction::{interaction, interacts};
@@ -159,13 +160,44 @@ pub fn features_of_set<F: Fn(usize, f64) -> ForecastPoint>(
     out: &mut [[f64; FEATURES]],
 ) {
     debug_assert_eq!(motions.len(), out.len());
+    features_of_set_on(Arch::new(), (config, selection), motions, others, out);
+}
+
+/// [`features_of_set`] with the vectors of `arch`.
+fn features_of_set_on<F: Fn(usize, f64) -> ForecastPoint>(
+    arch: Arch,
+    (config, selection): (&FeatureConfig, &Selection),
+    motions: &[Motion],
+    others: &Surroundings<F>,
+    out: &mut [[f64; FEATURES]],
+) {
     let samples = Samples::new(config, motions, others);
-    let mut room = Room::default();
-    let mut vectors = out.iter_mut();
-    for same_course in motions.chunk_by(|a, b| a.course() == b.course()) {
-        let course = SampledCourse::new(config, &samples, same_course);
-        for (motion, vector) in same_course.iter().zip(&mut vectors) {
-            *vector = features_on_course(config, selection, motion, &course, &mut room);
+    arch.dispatch(FeaturesOfSet { config, selection, motions, samples, out });
+}
+
+/// [`features_of_set`] once the samples are known.
+struct FeaturesOfSet<'a> {
+    config: &'a FeatureConfig,
+    selection: &'a Selection,
+    motions: &'a [Motion],
+    samples: Samples,
+    out: &'a mut [[f64; FEATURES]],
+}
+
+#[allow(clippy::inline_always)]
+impl NullaryFnOnce for FeaturesOfSet<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { config, selection, motions, samples, out } = self;
+        let mut room = Room::default();
+        let mut vectors = out.iter_mut();
+        for same_course in motions.chunk_by(|a, b| a.course() == b.course()) {
+            let course = SampledCourse::new(config, &samples, same_course);
+            for (motion, vector) in same_course.iter().zip(&mut vectors) {
+                *vector = features_on_course(config, selection, motion, &course, &mut room);
+            }
         }
     }
 }
@@ -178,6 +210,9 @@ struct Room {
 }
 
 /// H of a motion whose course is `course`.
+// Must be inlined into what `pulp` compiles for the processor's instruction set.
+#[allow(clippy::inline_always)]
+#[inline(always)]
 fn features_on_course(
     config: &FeatureConfig,
     selection: &Selection,
@@ -186,12 +221,12 @@ fn features_on_course(
     Room { d_m, risk }: &mut Room,
 ) -> [f64; FEATURES] {
     let duration_s = motion.lateral.duration_s;
-    let counts = (config.samples(duration_s), config.moving_samples(duration_s));
-    course.place(motion, counts, d_m);
-    let [heading, yaw_rate, jerk] = course.squares(motion, counts);
+    let (count, moving) = (config.samples(duration_s), config.moving_samples(duration_s));
+    course.place(motion, count, d_m);
+    let [heading, yaw_rate, jerk] = course.squares(motion, (count, moving));
     let [headway, closing, imposed] =
-        if interacts(selection) { interaction(course, d_m, config.lateral_scale_m) } else { [0.0; 3] };
-    let mean = |sum: f64| sum / counts.0 as f64;
+        if interacts(selection) { interaction(course, &d_m[..count], config.lateral_scale_m) } else { [0.0; 3] };
+    let mean = |sum: f64| sum / count as f64;
     let vector = [
         mean(heading),
         mean(course.collision(d_m, risk)),
@@ -366,6 +401,31 @@ mod tests {
             assert_eq!(features(&config, &ALL, motion, &others), together);
         }
         assert!((0..FEATURES).all(|i| motions.iter().any(|m| features(&config, &ALL, m, &others)[i] > 0.0)));
+    }
+
+    #[test]
+    fn every_vector_width_gives_the_same_bits() {
+        let mut archs = vec![Arch::Scalar, Arch::new()];
+        #[cfg(target_arch = "x86_64")]
+        archs.extend(pulp::x86::V3::try_new().map(Arch::V3));
+        let at = |m: usize, t: f64| {
+            let lane = (m % 3) as f64;
+            ForecastPoint {
+                ahead_m: 9.0 * m as f64 - 30.0 + (27.0 - lane) * t,
+                d_m: 3.75 * lane,
+                speed_mps: 27.0 - lane,
+            }
+        };
+        let others = Surroundings { half_lengths_m: &[4.8; 7], at };
+        let motions = [1.5, 2.2, 3.7, 4.0]
+            .map(|t| [0.0, -1.5].map(|change| Motion { speed_change_mps: change, ..motion(25.0, t) }));
+        let all = archs.into_iter().map(|arch| {
+            let mut set = vec![[0.0; FEATURES]; 8];
+            features_of_set_on(arch, (&FeatureConfig::default(), &ALL), motions.as_flattened(), &others, &mut set);
+            set
+        });
+        let all: Vec<_> = all.collect();
+        assert!(all.iter().all(|set| *set == all[0] && set.iter().all(|h| h[1] > 0.1)));
     }
 
     #[test]

@@ -44,13 +44,13 @@ pub(super) fn interacts(selection: &Selection) -> bool {
 /// Sums of these features over the samples of the path `d_m`.
 pub(super) fn interaction(course: &SampledCourse, d_m: &[f64], lane_width_m: f64) -> [f64; INTERACTIONS] {
     let [mut headway, mut closing, mut imposed] = [0.0; INTERACTIONS];
-    for (sample, (&d_m, &Along { way_m, speed_mps: ego_mps, .. })) in d_m.iter().zip(course.along()).enumerate() {
+    let Along { way_m, speed_mps, .. } = course.along();
+    for (sample, (d_m, (way_m, &ego_mps))) in d_m.iter().zip(way_m.iter().zip(speed_mps)).enumerate() {
         let in_way = |track: &Track| {
-            let point = track.points[sample];
-            let along_m = point.ahead_m - way_m;
-            let counts = along_m.abs() < RANGE_M && (point.d_m - d_m).abs() < 0.5 * lane_width_m;
+            let along_m = track.ahead_m[sample] - way_m;
+            let counts = along_m.abs() < RANGE_M && (track.d_m[sample] - d_m).abs() < 0.5 * lane_width_m;
             let gap_m = (along_m.abs() - track.half_lengths_m).max(MIN_GAP_M);
-            counts.then_some(Other { along_m, gap_m, speed_mps: point.speed_mps })
+            counts.then_some(Other { along_m, gap_m, speed_mps: track.speed_mps[sample] })
         };
         let nearest = |ahead: bool| {
             let others = course.tracks().iter().filter_map(in_way).filter(|other| (other.along_m >= 0.0) == ahead);

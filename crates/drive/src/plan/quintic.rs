@@ -66,7 +66,9 @@ impl Quintic {
     }
 
     /// Position at a time within the duration, m.
-    #[inline]
+    // Must be inlined into what `pulp` compiles for the processor's instruction set.
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
     pub(super) fn position_within_m(&self, time_s: f64) -> f64 {
         let ([c0, c1, c2, c3, c4, c5], t) = (self.coefficients, time_s);
         c0 + t * (c1 + t * (c2 + t * (c3 + t * (c4 + t * c5))))

@@ -7,10 +7,16 @@
 //! Σ_l w_l p(t_l)² = Σ_i Σ_j aᵢ aⱼ M_{i+j},  M_k = Σ_l w_l t_lᵏ,
 //!
 //! needs no samples once the moments M are known. So does the mean of (ḋ/V)² with w = 1/V², whether the speed V is held or not.
+//!
+//! What is left by sample is done for a block of them at once with the vectors of the processor. The blocks are of one size on all
+//! processors, and so is the order of the sums.
 
 use super::features::{FeatureConfig, Surroundings};
-use super::motion::Motion;
+use super::motion::{Course, Motion};
 use crate::predict::ForecastPoint;
+
+/// Samples that are looked at together: as many as the widest vectors hold.
+const WIDTH: usize = 8;
 
 /// Moments up to those of the square of a quintic's derivative, whose degree is 4.
 const MOMENTS: usize = 9;
@@ -21,17 +27,21 @@ const NEGLIGIBLE_EXPONENT: f64 = -9.0;
 
 /// What all motions share.
 pub(super) struct Samples {
+    /// Of whole blocks.
     times_s: Vec<f64>,
     /// With the weight 1.
     moments: Moments,
     tracks: Vec<Track>,
 }
 
-/// A vehicle at the sample times.
+/// A vehicle by sample.
 pub(super) struct Track {
     /// Half the sum of its length and the ego's, m.
     pub(super) half_lengths_m: f64,
-    pub(super) points: Vec<ForecastPoint>,
+    /// How far it is ahead of where the ego begins, m.
+    pub(super) ahead_m: Vec<f64>,
+    pub(super) d_m: Vec<f64>,
+    pub(super) speed_mps: Vec<f64>,
 }
 
 impl Samples {
@@ -42,14 +52,26 @@ impl Samples {
         others: &Surroundings<F>,
     ) -> Self {
         let time_s = |sample: usize| sample as f64 * config.sample_step_s;
-        let times_s: Vec<f64> = (1..=most_samples(config, motions)).map(time_s).collect();
-        let track = |(vehicle, &half_lengths_m)| Track {
-            half_lengths_m,
-            points: times_s.iter().map(|&time_s| (others.at)(vehicle, time_s)).collect(),
-        };
-        let tracks = others.half_lengths_m.iter().enumerate().map(track).collect();
+        let times_s: Vec<f64> = (1..=whole_blocks(most_samples(config, motions))).map(time_s).collect();
+        let vehicles = others.half_lengths_m.iter().enumerate();
+        let tracks = vehicles.map(|(vehicle, &half_lengths_m)| {
+            Track::new(half_lengths_m, &times_s, |time_s| (others.at)(vehicle, time_s))
+        });
+        let tracks = tracks.collect();
         let moments = Moments::new(&times_s, |_| 1.0);
         Self { times_s, moments, tracks }
+    }
+}
+
+impl Track {
+    /// Of a vehicle that is `at` a point at each time.
+    fn new(half_lengths_m: f64, times_s: &[f64], at: impl Fn(f64) -> ForecastPoint) -> Self {
+        let point = |&time_s: &f64| {
+            let ForecastPoint { ahead_m, d_m, speed_mps } = at(time_s);
+            (ahead_m, d_m, speed_mps)
+        };
+        let (ahead_m, d_m, speed_mps) = times_s.iter().map(point).collect();
+        Self { half_lengths_m, ahead_m, d_m, speed_mps }
     }
 }
 
@@ -58,42 +80,56 @@ fn most_samples(config: &FeatureConfig, motions: &[Motion]) -> usize {
     motions.iter().map(|motion| config.samples(motion.lateral.duration_s)).max().unwrap_or(0)
 }
 
-/// The ego along the road at one sample.
+/// So many samples and those that fill up the last block.
+fn whole_blocks(samples: usize) -> usize {
+    samples.next_multiple_of(WIDTH)
+}
+
+/// The ego along the road by sample.
 pub(super) struct Along {
     /// Way from the begin, m.
-    pub(super) way_m: f64,
-    pub(super) speed_mps: f64,
+    pub(super) way_m: Vec<f64>,
+    pub(super) speed_mps: Vec<f64>,
     /// Sum of the squared jerk up to here, m²/s⁶.
-    jerk: f64,
+    jerk: Vec<f64>,
+}
+
+impl Along {
+    fn new(course: Course, times_s: &[f64]) -> Self {
+        let mut jerk_sum = 0.0;
+        let at = |&time_s: &f64| {
+            let (way_m, speed_mps, jerk_mps3) = course.at(time_s);
+            jerk_sum += jerk_mps3 * jerk_mps3;
+            (way_m, speed_mps, jerk_sum)
+        };
+        let (way_m, speed_mps, jerk) = times_s.iter().map(at).collect();
+        Self { way_m, speed_mps, jerk }
+    }
 }
 
 /// What the motions of one course share.
 pub(super) struct SampledCourse<'a> {
     samples: &'a Samples,
-    along: Vec<Along>,
+    along: Along,
     /// With the weights 1/V².
     moments: Moments,
-    rows: Vec<Row>,
+    rows: Vec<Row<'a>>,
     /// σ₁/scale², 1/m².
     lateral: f64,
 }
 
+// Must be inlined into what `pulp` compiles for the processor's instruction set.
+#[allow(clippy::inline_always)]
 impl<'a> SampledCourse<'a> {
     /// Of `motions`, which all have the course of the first one.
+    #[inline(always)]
     pub(super) fn new(config: &FeatureConfig, samples: &'a Samples, motions: &[Motion]) -> Self {
-        let course = motions[0].course();
-        let times_s = &samples.times_s[..most_samples(config, motions)];
-        let mut jerk_sum = 0.0;
-        let at = |&time_s: &f64| {
-            let (way_m, speed_mps, jerk) = course.at(time_s);
-            jerk_sum += jerk * jerk;
-            Along { way_m, speed_mps, jerk: jerk_sum }
-        };
-        let along: Vec<Along> = times_s.iter().map(at).collect();
+        let times_s = &samples.times_s[..whole_blocks(most_samples(config, motions))];
+        let along = Along::new(motions[0].course(), times_s);
         Self {
             samples,
-            moments: Moments::new(times_s, |sample| 1.0 / (along[sample].speed_mps * along[sample].speed_mps)),
-            rows: rows(config, &samples.tracks, &along),
+            moments: Moments::new(times_s, |sample| 1.0 / (along.speed_mps[sample] * along.speed_mps[sample])),
+            rows: rows(config, &samples.tracks, &along.way_m),
             lateral: config.sigma_lateral / (config.lateral_scale_m * config.lateral_scale_m),
             along,
         }
@@ -105,18 +141,25 @@ impl<'a> SampledCourse<'a> {
     }
 
     /// The ego by sample.
-    pub(super) fn along(&self) -> &[Along] {
+    pub(super) fn along(&self) -> &Along {
         &self.along
     }
 
-    /// Lateral positions of `motion` at `count` samples, of which the first `moving` lie within its duration, into `d_m`.
-    pub(super) fn place(&self, motion: &Motion, (count, moving): (usize, usize), d_m: &mut Vec<f64>) {
-        d_m.clear();
-        d_m.extend(self.samples.times_s[..moving].iter().map(|&time_s| motion.lateral.position_within_m(time_s)));
-        d_m.resize(count, motion.lateral.position_within_m(motion.lateral.duration_s));
+    /// Lateral positions of `motion` at `count` samples into `d_m`, after its end where it ends. The last block is filled up with
+    /// positions that are far from everybody.
+    #[inline(always)]
+    pub(super) fn place(&self, motion: &Motion, count: usize, d_m: &mut Vec<f64>) {
+        d_m.resize(whole_blocks(count), 0.0);
+        let Motion { lateral, .. } = motion;
+        for (d_m, &time_s) in d_m.iter_mut().zip(&self.samples.times_s) {
+            *d_m = lateral.position_within_m(if time_s < lateral.duration_s { time_s } else { lateral.duration_s });
+        }
+        d_m[count..].fill(f64::INFINITY);
     }
 
-    /// Sums of the squares of heading (rad²), yaw rate (rad²/s²) and jerk (m²/s⁶) over the same samples.
+    /// Sums of the squares of heading (rad²), yaw rate (rad²/s²) and jerk (m²/s⁶) over `count` samples, of which the first `moving`
+    /// lie within the duration of `motion`.
+    #[inline(always)]
     pub(super) fn squares(&self, motion: &Motion, (count, moving): (usize, usize)) -> [f64; 3] {
         let [_, c1, c2, c3, c4, c5] = motion.lateral.coefficients;
         let speed = [c1, 2.0 * c2, 3.0 * c3, 4.0 * c4, 5.0 * c5];
@@ -125,49 +168,67 @@ impl<'a> SampledCourse<'a> {
         [
             self.moments.sum_of_squares(moving, speed),
             self.moments.sum_of_squares(moving, accel),
-            self.samples.moments.sum_of_squares(moving, jerk) + self.along[count - 1].jerk,
+            self.samples.moments.sum_of_squares(moving, jerk) + self.along.jerk[count - 1],
         ]
     }
 
-    /// Sum of the potentials of all others on the path `d_m`; `potentials` is room to work in.
+    /// Sum of the potentials of all others on the path `d_m`, which consists of whole blocks; `potentials` is room to work in.
+    #[inline(always)]
     pub(super) fn collision(&self, d_m: &[f64], potentials: &mut Vec<f64>) -> f64 {
         potentials.clear();
         potentials.resize(d_m.len(), 0.0);
         for row in &self.rows {
-            for ((sum, d_m), (row_d_m, along)) in potentials.iter_mut().zip(d_m).zip(row.d_m.iter().zip(&row.along)) {
-                let across_m = d_m - row_d_m;
-                *sum += along * exp_unless_negligible(self.lateral * across_m * across_m);
-            }
+            let along = &row.along[..d_m.len()];
+            add_exponentials(potentials, self.lateral, (d_m, row.d_m), |sample| along[sample]);
         }
-        potentials.iter().sum()
+        let mut sums = [0.0; WIDTH];
+        for block in potentials.as_chunks::<WIDTH>().0 {
+            sums.iter_mut().zip(block).for_each(|(sum, potential)| *sum += potential);
+        }
+        sums.iter().sum()
     }
 }
 
 /// Vehicles that are at the same place across the road at all samples, as those that keep their lane.
-struct Row {
-    d_m: Vec<f64>,
+struct Row<'a> {
+    d_m: &'a [f64],
     /// Σ exp(σ₂ (ΔX/scale)²) of them by sample.
     along: Vec<f64>,
 }
 
-/// Of those of `tracks` that come near to the ego on its way `along`.
-fn rows(config: &FeatureConfig, tracks: &[Track], along: &[Along]) -> Vec<Row> {
+/// Of those of `tracks` that come near to the ego on its way `way_m`.
+// Must be inlined into what `pulp` compiles for the processor's instruction set.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn rows<'a>(config: &FeatureConfig, tracks: &'a [Track], way_m: &[f64]) -> Vec<Row<'a>> {
     let longitudinal = config.sigma_longitudinal / (config.longitudinal_scale_m * config.longitudinal_scale_m);
     let mut rows: Vec<Row> = Vec::with_capacity(tracks.len());
-    for Track { points, .. } in tracks {
-        let factor = |(point, at): (&ForecastPoint, &Along)| {
-            let along_m = point.ahead_m - at.way_m;
-            exp_unless_negligible(longitudinal * along_m * along_m)
-        };
-        let factors: Vec<f64> = points.iter().zip(along).map(factor).collect();
-        let d_m = || points[..along.len()].iter().map(|point| point.d_m);
-        if let Some(row) = rows.iter_mut().find(|row| row.d_m.iter().copied().eq(d_m())) {
-            row.along.iter_mut().zip(factors).for_each(|(sum, factor)| *sum += factor);
-        } else if factors.iter().any(|&factor| factor > 0.0) {
-            rows.push(Row { d_m: d_m().collect(), along: factors });
+    for Track { ahead_m, d_m, .. } in tracks {
+        let (ahead_m, d_m) = (&ahead_m[..way_m.len()], &d_m[..way_m.len()]);
+        let mut exponents = ahead_m.iter().zip(way_m).map(|(a, b)| longitudinal * (a - b) * (a - b));
+        if exponents.all(|exponent| exponent < NEGLIGIBLE_EXPONENT) {
+            continue;
         }
+        let number = rows.iter().position(|row| row.d_m == d_m).unwrap_or(rows.len());
+        if number == rows.len() {
+            rows.push(Row { d_m, along: vec![0.0; way_m.len()] });
+        }
+        add_exponentials(&mut rows[number].along, longitudinal, (ahead_m, way_m), |_| 1.0);
     }
     rows
+}
+
+/// Adds `factor` · exp(`sigma` (a − b)²) to `sums` by sample.
+// Must be inlined into what `pulp` compiles for the processor's instruction set.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn add_exponentials(sums: &mut [f64], sigma: f64, (a, b): (&[f64], &[f64]), factor: impl Fn(usize) -> f64) {
+    let count = sums.len();
+    let (a, b) = (&a[..count], &b[..count]);
+    for sample in 0..count {
+        let distance = a[sample] - b[sample];
+        sums[sample] += factor(sample) * exp_unless_negligible(sigma * distance * distance);
+    }
 }
 
 /// Σ_l w_l t_lᵏ over the first samples, k = 0, 1, …, by their number.
@@ -199,15 +260,17 @@ impl Moments {
     }
 }
 
-/// exp(`exponent`) of an exponent from [`NEGLIGIBLE_EXPONENT`] to 0 with a relative error below 1e-11, and 0 below that.
+/// exp(`exponent`) of an exponent from [`NEGLIGIBLE_EXPONENT`] to 0 with an error below 1e-11, and 0 below that.
 ///
-/// exp(x) = exp(x/256)²⁵⁶ with the Taylor polynomial of sixth degree, whose remainder (9/256)⁷/7! becomes 256 times as large. There
-/// is no branch and no table, so that compilers evaluate it for several samples at once.
+/// exp(x) = exp(x/128)¹²⁸ with the Taylor polynomial of fifth degree: the remainder (x/128)⁶/6! becomes 128 eˣ times as large, which
+/// is most at x = −6. There is no branch and no table, so that compilers evaluate it for several samples at once.
+// Must be inlined into what `pulp` compiles for the processor's instruction set.
+#[allow(clippy::inline_always)]
+#[inline(always)]
 fn exp_unless_negligible(exponent: f64) -> f64 {
-    let x = exponent / 256.0;
-    let terms = [1.0 / 120.0, 1.0 / 24.0, 1.0 / 6.0, 0.5, 1.0, 1.0];
-    let mut power = terms.into_iter().fold(1.0 / 720.0, |sum, term| sum * x + term);
-    for _ in 0..8 {
+    let x = exponent / 128.0;
+    let mut power = 1.0 + x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0 + x * (1.0 / 120.0)))));
+    for _ in 0..7 {
         power *= power;
     }
     if exponent >= NEGLIGIBLE_EXPONENT { power } else { 0.0 }
@@ -221,8 +284,8 @@ mod tests {
     fn the_exponential_is_that_of_libm_down_to_what_is_negligible() {
         for k in 0..=9000 {
             let exponent = -0.001 * f64::from(k);
-            let ratio = exp_unless_negligible(exponent) / libm::exp(exponent);
-            assert!((ratio - 1.0).abs() < 1e-11, "{exponent}: {ratio}");
+            let error = exp_unless_negligible(exponent) - libm::exp(exponent);
+            assert!(error.abs() < 1e-11, "{exponent}: {error}");
         }
         // Beyond the bound the polynomial is far off, and must not show.
         for exponent in [-9.001, -50.0, -1e4, -1e300, f64::NEG_INFINITY] {
