@@ -264,3 +264,22 @@ fn runs_are_pooled_by_their_seeds_and_unfinished_ones_are_named() {
     assert_eq!(output.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&output.stderr).contains("policy.safetensors"));
 }
+
+/// The tables of `docs/reproduction.md` follow from the rows in `experiments/results`.
+#[test]
+fn the_documented_results_are_those_of_the_rows() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let documented = fs::read_to_string(root.join("docs/reproduction.md")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for entry in fs::read_dir(root.join("experiments/results")).unwrap().map(Result::unwrap) {
+        let name = entry.file_name().into_string().unwrap();
+        fs::create_dir(folder.path().join(&name)).unwrap();
+        fs::copy(entry.path().join("rows.csv"), folder.path().join(&name).join("rows.csv")).unwrap();
+        done(folder.path(), &format!("reproduce {name} --budget quick --rows-only --out ."));
+        let tables = fs::read_to_string(folder.path().join(&name).join("experiment.md")).unwrap();
+        let (results, _) = tables.split_once("\n\nRelative").unwrap_or((&tables, ""));
+        for line in results.lines().filter(|line| line.starts_with('|')) {
+            assert!(documented.contains(line), "{name}: {line}");
+        }
+    }
+}
