@@ -4,6 +4,7 @@ use super::definition::{Claim, Definition, Metric};
 use super::rows::UnitRow;
 use super::verdict::{Verdict, change_percent, lead};
 use crate::metrics::{CurvePoint, Interval};
+use crate::report::plots::{Outcome as Shown, reward_against_collisions};
 use crate::report::svg::{Axis, Plot};
 use crate::stats::{StatsError, Trend, mean_interval, rate_interval, spearman_trend};
 use crate::studies::{Figure, StudyReport, Table};
@@ -150,7 +151,7 @@ fn results(definition: &Definition, rows: &[UnitRow]) -> Result<Table, StatsErro
             variant.name.clone(),
             own.len().to_string(),
             own.iter().map(|row| row.episodes).sum::<usize>().to_string(),
-            cell(over_seeds(Metric::Reward, &own)?, 2),
+            cell(reward(&own)?, 2),
             lead.map_or_else(String::new, |lead| cell(lead, 2)),
             plain(&|row| row.speed_mps),
             cell(rate(&own, |row| row.collisions)?, 4),
@@ -163,18 +164,12 @@ fn results(definition: &Definition, rows: &[UnitRow]) -> Result<Table, StatsErro
     Ok(table)
 }
 
-/// The mean over seeds; of a single row its own interval over scenarios where it has one.
-fn over_seeds(metric: Metric, rows: &[&UnitRow]) -> Result<Interval, StatsError> {
-    match (rows, metric) {
-        ([row], Metric::Reward) => {
-            Ok(Interval { mean: row.reward_per_tick, low: row.reward_low, high: row.reward_high })
-        }
-        ([row], _) => {
-            let value = metric.of(row);
-            Ok(Interval { mean: value, low: value, high: value })
-        }
-        _ => mean_interval(&rows.iter().map(|row| metric.of(row)).collect::<Vec<_>>()),
+/// The reward's mean over seeds; of a single row with its own interval over scenarios.
+fn reward(rows: &[&UnitRow]) -> Result<Interval, StatsError> {
+    if let [row] = rows {
+        return Ok(Interval { mean: row.reward_per_tick, low: row.reward_low, high: row.reward_high });
     }
+    mean_interval(&rows.iter().map(|row| row.reward_per_tick).collect::<Vec<_>>())
 }
 
 fn rate(rows: &[&UnitRow], events: impl Fn(&UnitRow) -> usize) -> Result<Interval, StatsError> {
@@ -183,24 +178,17 @@ fn rate(rows: &[&UnitRow], events: impl Fn(&UnitRow) -> usize) -> Result<Interva
 
 /// Reward against collisions.
 fn safety(definition: &Definition, rows: &[UnitRow]) -> Result<Figure, StatsError> {
-    let mut points = Vec::new();
+    let mut outcomes = Vec::new();
     for variant in &definition.variants {
         let own = of(rows, &variant.name);
-        points.push((variant.name.clone(), over_seeds(Metric::Reward, &own)?, rate(&own, |row| row.collisions)?));
+        let (reward, collisions) = (reward(&own)?, rate(&own, |row| row.collisions)?);
+        outcomes.push(Shown { name: &variant.name, collisions, reward });
     }
-    let ends = |interval: &Interval| [interval.low, interval.high];
-    let x = Axis::over("collisions per episode", points.iter().flat_map(|(.., rate)| ends(rate)).chain([0.0]));
-    let y = Axis::over("reward per tick", points.iter().flat_map(|(_, reward, _)| ends(reward)));
-    let mut plot = Plot::new(x, y);
-    for (series, (_, reward, rate)) in points.iter().enumerate() {
-        plot.point_with_intervals(*rate, *reward, series);
-    }
-    let title = "Reward against collisions: better is up and to the left";
     Ok(Figure {
         name: "safety".to_owned(),
-        title: title.to_owned(),
-        svg: plot.finish(title),
-        legend: legend(points.iter().map(|point| &point.0)),
+        title: "Reward against collisions: better is up and to the left".to_owned(),
+        svg: reward_against_collisions(&outcomes, &(0..outcomes.len()).collect::<Vec<_>>()),
+        legend: legend(definition.variants.iter().map(|variant| &variant.name)),
     })
 }
 

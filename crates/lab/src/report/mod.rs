@@ -7,7 +7,7 @@ pub(crate) mod html;
 mod irl;
 mod methods;
 mod player;
-mod plots;
+pub(crate) mod plots;
 pub(crate) mod svg;
 mod table;
 

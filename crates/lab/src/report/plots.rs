@@ -40,12 +40,13 @@ pub(super) fn legend(names: &[&str], class: &str, with_line: bool) -> String {
 }
 
 /// What a policy or a method reached: never its reward alone.
-pub(super) struct Outcome<'a> {
-    pub(super) name: &'a str,
+pub(crate) struct Outcome<'a> {
+    /// Its name.
+    pub(crate) name: &'a str,
     /// Share of episodes that ended in a collision.
-    pub(super) collisions: Interval,
+    pub(crate) collisions: Interval,
     /// Reward of a tick.
-    pub(super) reward: Interval,
+    pub(crate) reward: Interval,
 }
 
 impl<'a> From<&'a PolicyResult> for Outcome<'a> {
@@ -81,7 +82,7 @@ fn better_half(results: &[PolicyResult]) -> Vec<usize> {
 }
 
 /// The outcomes at the places `shown`, each with its intervals in both directions.
-pub(super) fn reward_against_collisions(outcomes: &[Outcome], shown: &[usize]) -> String {
+pub(crate) fn reward_against_collisions(outcomes: &[Outcome], shown: &[usize]) -> String {
     let percent = |i: Interval| Interval { mean: 100.0 * i.mean, low: 100.0 * i.low, high: 100.0 * i.high };
     let ends = |i: Interval| [i.mean, i.low, i.high];
     let collisions = || shown.iter().flat_map(|i| ends(percent(outcomes[*i].collisions)));
